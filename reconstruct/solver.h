@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <stop_token>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "proto/image.h"
+#include "proto/recipe.h"
+#include "proto/rig.h"
+#include "proto/volume.h"
+
+namespace flamefield {
+
+struct SolverProgress {
+  int iteration = 0;
+  int max_iterations = 0;
+  double residual = 0;  // |Ax - b| / |b|
+  double elapsed_s = 0;
+};
+
+// Outside control of a solve. Not part of the recipe: it changes when a result is ready, never what is
+// computed, except that a time limit or a stop ends it early with the best so far.
+struct SolveControl {
+  int threads = 0;          // 0: all
+  double time_limit_s = 0;  // 0: none
+  std::uint64_t seed = 1;   // of the stochastic solvers
+  std::stop_token stop = {};
+  std::function<void(const SolverProgress&)> progress = {};
+};
+
+enum class StopReason { Iterations, Residual, Fitness, TimeLimit, Cancelled };
+std::string_view name_of(StopReason reason);
+
+struct HistoryPoint {
+  int iteration = 0;
+  double residual = 0;
+  double elapsed_s = 0;
+};
+
+struct Reconstruction {
+  Volume volume;  // physical units: field unit as in the projections
+  std::string solver;
+  int iterations = 0;
+  double residual = 0;                    // |Ax - b| / |b| at the end
+  std::vector<double> residual_per_view;  // likewise, each view
+  double wall_s = 0;
+  double voxel_updates = 0;
+  std::string projector_engine;  // how A was applied, e.g. "stored 312 MiB"
+  StopReason stop_reason = StopReason::Iterations;
+  std::vector<HistoryPoint> history;
+};
+
+// Names for --solver, default first.
+std::vector<std::string_view> solver_names();
+
+// Runs the recipe's solver. InvalidInput: views that do not match the rig, NaN or infinity among the
+// projections (named by view, row and column), unknown solver or setting (with the nearest known name), an
+// empty or oversized grid.
+Result<Reconstruction> reconstruct(const Projections& projections, const Rig& rig, const Grid& grid,
+                                   const Recipe& recipe, const SolveControl& control);
+
+// Checks solver name and all [solver] tables of a recipe without running it.
+Result<> validate_recipe(const Recipe& recipe);
+
+}  // namespace flamefield
