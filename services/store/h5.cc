@@ -21,7 +21,9 @@ class Handle {
     if (id < 0) throw H5Failure(concat(what, " failed; the file is damaged, cut short, or not of this kind"));
   }
   Handle(const Handle&) = delete;
-  ~Handle() { close_(id_); }
+  ~Handle() {
+    if (id_ >= 0) close_(id_);
+  }
   operator hid_t() const { return id_; }
   hid_t release() { return std::exchange(id_, H5I_INVALID_HID); }
 
@@ -74,6 +76,13 @@ hid_t file_type(H5Number number) {
       return H5T_STD_U16LE;
   }
   return H5I_INVALID_HID;
+}
+
+// Without times of day, so that equal data give equal files.
+Handle timeless(hid_t kind) {
+  Handle plist(H5Pcreate(kind), H5Pclose, "making a property list");
+  check(H5Pset_obj_track_times(plist, false), "leaving times out");
+  return Handle(plist.release(), H5Pclose, "making a property list");
 }
 
 Handle text_type(std::size_t length, bool ascii) {
@@ -215,7 +224,7 @@ H5Group::~H5Group() {
 }
 
 H5Group H5Group::create_group(const std::string& name, std::string_view nx_class) {
-  Handle made(H5Gcreate2(id_, name.c_str(), H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT), H5Gclose,
+  Handle made(H5Gcreate2(id_, name.c_str(), H5P_DEFAULT, timeless(H5P_GROUP_CREATE), H5P_DEFAULT), H5Gclose,
               concat("creating group '", name, "'"));
   H5Group group(made.release());
   if (!nx_class.empty()) group.set_text("NX_class", nx_class);
@@ -290,7 +299,7 @@ std::map<std::string, std::string> H5Group::all_texts() const {
 }
 
 void H5Group::create(const std::string& name, H5Number number, const H5Shape& shape, H5Layout layout) {
-  const Handle plist(H5Pcreate(H5P_DATASET_CREATE), H5Pclose, "making a property list");
+  const Handle plist = timeless(H5P_DATASET_CREATE);
   if (layout != H5Layout::Contiguous && count_of(shape) > 0) {
     std::vector<hsize_t> chunk(shape.begin(), shape.end());
     chunk[0] = 1;
@@ -358,7 +367,7 @@ void H5Group::write_texts(const std::string& name, const std::vector<std::string
   const PackedTexts pack = packed(texts);
   const Handle type = text_type(pack.width, pack.ascii);
   const Handle dataset(H5Dcreate2(id_, name.c_str(), type, simple_space({texts.size()}), H5P_DEFAULT,
-                                  H5P_DEFAULT, H5P_DEFAULT),
+                                  timeless(H5P_DATASET_CREATE), H5P_DEFAULT),
                        H5Dclose, concat("creating dataset '", name, "'"));
   if (texts.empty()) return;
   check(H5Dwrite(dataset, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, pack.bytes.data()),

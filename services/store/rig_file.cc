@@ -23,7 +23,8 @@ int be_silent(int, const char*, const char*, const char*, int, void*) {
 }
 
 double real(const cv::FileNode& node, const std::string& where) {
-  if (!node.isReal() && !node.isInt()) throw RigProblem{where, node.empty() ? "it is missing" : "not a number"};
+  if (!node.isReal() && !node.isInt())
+    throw RigProblem{where, node.empty() ? "it is missing" : "not a number"};
   return node.real();
 }
 
@@ -34,12 +35,13 @@ int whole(const cv::FileNode& node, const std::string& where) {
 }
 
 // Elements of a matrix, row by row. Read without cv::Mat, which would allocate whatever a damaged file says.
-std::vector<double> matrix(const cv::FileNode& node, std::size_t rows, std::size_t cols, const std::string& where) {
+std::vector<double> matrix(const cv::FileNode& node, std::size_t rows, std::size_t cols,
+                           const std::string& where) {
   if (node.empty()) throw RigProblem{where, "it is missing"};
   if (!node.isMap()) throw RigProblem{where, "not a matrix"};
   const cv::FileNode data = node["data"];
-  if (whole(node["rows"], where) != static_cast<int>(rows) || whole(node["cols"], where) != static_cast<int>(cols) ||
-      !data.isSeq() || data.size() != rows * cols) {
+  if (whole(node["rows"], where) != static_cast<int>(rows) ||
+      whole(node["cols"], where) != static_cast<int>(cols) || !data.isSeq() || data.size() != rows * cols) {
     throw RigProblem{where, concat("not a ", rows, "x", cols, " matrix")};
   }
   std::vector<double> values;
@@ -55,7 +57,8 @@ std::vector<double> distortion(const cv::FileNode& node, const std::string& wher
 
 Camera read_camera(const cv::FileNode& node, std::size_t index) {
   Camera camera;
-  if (!node.isMap() || !node["name"].isString()) throw RigProblem{concat("name of camera ", index), "it is missing"};
+  if (!node.isMap() || !node["name"].isString())
+    throw RigProblem{concat("name of camera ", index), "it is missing"};
   camera.name = node["name"].string();
   const auto where = [&](std::string_view field) { return concat(field, " of camera '", camera.name, "'"); };
   camera.image_width_px = whole(node["image_width"], where("image_width"));
@@ -100,7 +103,8 @@ RigQuality read_quality(const cv::FileNode& node) {
 }
 
 Rig parse(const std::string& text) {
-  cv::FileStorage storage(text, cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
+  cv::FileStorage storage(text,
+                          cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
   if (!storage.isOpened()) throw RigProblem{"the file", "not an OpenCV YAML file"};
   if (!storage["format"].isString() || storage["format"].string() != kFormat)
     throw RigProblem{"format", concat("it is not '", kFormat, "'")};
@@ -125,18 +129,25 @@ void write_camera(cv::FileStorage& out, const Camera& c) {
     for (int col = 0; col < 3; ++col) pose(row, col) = c.camera_from_world.rotation(row, col);
     pose(row, 3) = c.camera_from_world.translation_mm[row];
   }
-  out << "{" << "name" << c.name << "image_width" << c.image_width_px << "image_height" << c.image_height_px
-      << "camera_matrix" << cv::Mat(k) << "distortion_coefficients" << d << "camera_from_world" << pose << "}";
+  out << "{"
+      << "name" << c.name << "image_width" << c.image_width_px << "image_height" << c.image_height_px
+      << "camera_matrix" << cv::Mat(k) << "distortion_coefficients" << d << "camera_from_world" << pose
+      << "}";
 }
 
 void write_quality(cv::FileStorage& out, const RigQuality& quality) {
-  out << "quality" << "{" << "rms_px" << quality.rms_px << "board_poses" << quality.board_poses << "cameras" << "[";
+  out << "quality"
+      << "{"
+      << "rms_px" << quality.rms_px << "board_poses" << quality.board_poses << "cameras"
+      << "[";
   for (const CameraQuality& q : quality.cameras) {
-    out << "{" << "images" << q.images << "corners" << q.corners << "rejected_corners" << q.rejected_corners
+    out << "{"
+        << "images" << q.images << "corners" << q.corners << "rejected_corners" << q.rejected_corners
         << "rms_px" << q.rms_px << "focal_sigma_px" << q.focal_sigma_px << "position_sigma_mm"
         << q.position_sigma_mm << "rotation_sigma_rad" << q.rotation_sigma_rad << "}";
   }
-  out << "]" << "}";
+  out << "]"
+      << "}";
 }
 
 }  // namespace
@@ -164,16 +175,19 @@ Result<> write_rig(const std::filesystem::path& path, const Rig& rig) {
   if (auto ok = validate(rig); !ok) return ok;
   cv::redirectError(be_silent);
   try {
-    cv::FileStorage out("rig.yaml", cv::FileStorage::WRITE | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
+    cv::FileStorage out("rig.yaml",
+                        cv::FileStorage::WRITE | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
     out << "format" << kFormat << "camera_count" << static_cast<int>(rig.cameras.size());
     // Before the cameras, so that the last thing in the file is one that cannot be missing unnoticed.
     if (rig.quality) write_quality(out, *rig.quality);
-    out << "cameras" << "[";
+    out << "cameras"
+        << "[";
     for (const Camera& camera : rig.cameras) write_camera(out, camera);
     out << "]";
     return write_text_file(path, out.releaseAndGetString());
   } catch (const cv::Exception& exception) {
-    return invalid_input(concat("cannot write '", path.string(), "'"), exception.err, "check the cameras' names");
+    return invalid_input(concat("cannot write '", path.string(), "'"), exception.err,
+                         "check the cameras' names");
   }
 }
 

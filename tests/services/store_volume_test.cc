@@ -1,5 +1,7 @@
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
+#include <csignal>
 #include <random>
 
 #include "services/store/file.h"
@@ -71,7 +73,8 @@ TEST(VolumeFile, WritesTheSameBytesForTheSameVolume) {
 TEST(VolumeFile, CutShortAnywhereIsAnErrorThatNamesTheFile) {
   const Scratch scratch;
   for (const char* extension : {".vtkhdf", ".vti", ".npy", ".tif"}) {
-    const auto whole = scratch / (std::string("whole") + extension), cut = scratch / (std::string("cut") + extension);
+    const auto whole = scratch / (std::string("whole") + extension),
+               cut = scratch / (std::string("cut") + extension);
     ASSERT_TRUE(write_volume(whole, uneven_volume(), {{"solver", "mlem"}}));
     const std::string bytes = *read_text_file(whole);
     // A .vti's closing tags carry nothing, nor does what follows the last page of a .tif.
@@ -117,9 +120,11 @@ TEST(VolumeFile, DamagedExportsNeverCrashTheReader) {
     const std::string bytes = *read_text_file(path);
     for (int trial = 0; trial < 300; ++trial) {
       std::string damaged = bytes;
-      for (int flip = 0; flip < 3; ++flip) damaged[random() % damaged.size()] ^= static_cast<char>(1u << random() % 8);
+      for (int flip = 0; flip < 3; ++flip)
+        damaged[random() % damaged.size()] ^= static_cast<char>(1u << random() % 8);
       overwrite(path, damaged);
-      if (const auto volume = read_volume(path); volume) EXPECT_EQ(volume->values.size(), volume->grid.voxels());
+      const auto volume = read_volume(path);
+      EXPECT_TRUE(!volume || volume->values.size() == volume->grid.voxels());
     }
   }
 }
@@ -142,6 +147,26 @@ TEST(VolumeFile, LeavesNothingBehindWhereItCannotWrite) {
   EXPECT_TRUE(scratch.is_empty());
 }
 
+// A limit on the size of files stands in for a full disk.
+TEST(VolumeFile, AFullDiskLeavesNothingBehind) {
+  const Scratch scratch;
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit tight{20'000, before.rlim_max};
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &tight), 0);
+  std::vector<Result<>> results;
+  for (const char* extension : {".vtkhdf", ".vti", ".npy", ".tif"}) {
+    results.push_back(
+        write_volume(scratch / (std::string("v") + extension), Volume(centred_grid(40, 40, 40, 1), 1), {}));
+  }
+  ::setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  for (const Result<>& result : results) EXPECT_FALSE(result);
+  EXPECT_TRUE(scratch.is_empty());
+  EXPECT_TRUE(write_volume(scratch / "v.vtkhdf", uneven_volume(), {}));
+}
+
 TEST(Npy, ReadsDoublesAndTheOtherByteOrder) {
   const Scratch scratch;
   const auto npy = [](const std::string& descr, const std::string& data) {
@@ -157,14 +182,16 @@ TEST(Npy, ReadsDoublesAndTheOtherByteOrder) {
 TEST(Npy, RefusesWhatIsNoFloatArrayAndSaysHowToConvertIt) {
   const Scratch scratch;
   const auto message_of = [&](const std::string& header) {
-    overwrite(scratch / "a.npy", std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(header.size()) + '\0' + header +
-                                     std::string(8, '\0'));
+    overwrite(scratch / "a.npy", std::string("\x93NUMPY\x01\x00", 8) + static_cast<char>(header.size()) +
+                                     '\0' + header + std::string(8, '\0'));
     const auto array = read_npy(scratch / "a.npy");
     return array ? "read" : array.error().message;
   };
   using testing::Message;
-  EXPECT_NE(message_of("{'descr': '<i4', 'fortran_order': False, 'shape': (2,), }\n").find("float32"), std::string::npos);
-  EXPECT_NE(message_of("{'descr': '<f4', 'fortran_order': True, 'shape': (2,), }\n").find("Fortran"), std::string::npos);
+  EXPECT_NE(message_of("{'descr': '<i4', 'fortran_order': False, 'shape': (2,), }\n").find("float32"),
+            std::string::npos);
+  EXPECT_NE(message_of("{'descr': '<f4', 'fortran_order': True, 'shape': (2,), }\n").find("Fortran"),
+            std::string::npos);
   EXPECT_NE(message_of("{'descr': '<f4', 'fortran_order': False, 'shape': (3,), }\n").find("cut short"),
             std::string::npos);
   EXPECT_NE(message_of("{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999, 99999999999), }\n")
