@@ -395,7 +395,8 @@ H5File H5File::create(const std::filesystem::path& path) {
   be_silent();
   const Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose, "making a property list");
   check(H5Pset_libver_bounds(access, H5F_LIBVER_V110, H5F_LIBVER_V110), "choosing the format version");
-  Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access), H5Fclose, "creating the file");
+  Handle file(H5Fcreate(path.c_str(), H5F_ACC_TRUNC, timeless(H5P_FILE_CREATE), access), H5Fclose,
+              "creating the file");
   Handle root(H5Gopen2(file, "/", H5P_DEFAULT), H5Gclose, "opening the root");
   return H5File(file.release(), root.release());
 }
