@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "proto/error.h"
+#include "proto/frame.h"
+#include "proto/volume.h"
+
+namespace flamefield {
+
+// One [[camera]] of lab.toml.
+struct LabCamera {
+  std::string name;     // as in rig.yaml
+  std::string address;  // IPv4 address or serial number
+};
+
+// What a laboratory sets once: lab.toml. Each comment is the key; lengths and times carry their unit in it.
+struct LabConfig {
+  std::string laboratory = "laboratory";                     // laboratory
+  std::filesystem::path data_directory = "flamefield-data";  // data_directory: spool, ledger, volumes
+  std::vector<LabCamera> cameras;  // [[camera]] name, address; none: simulated array
+  // [trigger]
+  double trigger_rate_hz = 5;          // rate_hz, (0, 1000]
+  std::string trigger_line = "Line1";  // line
+  // [capture]
+  int exposure_us = 1000;                         // exposure_us, [1, 10 000 000]
+  double gain_db = 0;                             // gain_db, [0, 48]
+  PixelFormat pixel_format = PixelFormat::Mono8;  // pixel_format: Mono8 Mono12 Mono12Packed Mono16
+  // [simulator], when there are no [[camera]]s
+  int simulated_cameras = 15;                  // cameras, [1, 64]
+  std::uint64_t simulator_seed = 1;            // seed
+  std::string simulated_flame = "stratified";  // flame: a phantom's name
+  // [web]
+  std::string http_host = "127.0.0.1";  // host
+  int http_port = 8080;                 // port, [0, 65535]; 0: any free one
+  // [bus]; empty: within the process
+  std::string dispatcher_endpoint;       // dispatcher, e.g. "tcp://10.0.0.1:7300"
+  std::string events_endpoint;           // events
+  std::filesystem::path keys_directory;  // keys: CURVE key files; empty: beside the data
+  // [reconstruction]; paths are relative to lab.toml
+  std::filesystem::path rig;                  // rig
+  std::filesystem::path recipe;               // recipe
+  int workers = 1;                            // workers, [0, 256]
+  int threads_per_worker = 0;                 // threads, [0, 1024]; 0: all
+  Grid domain = centred_grid(52, 55, 52, 1);  // size = [NX, NY, NZ], spacing_mm, origin_mm = [X, Y, Z]
+};
+
+// Defaults where a key is absent. Unknown keys, wrong types and values out of range are InvalidInput with
+// file and line. Relative paths are taken from the folder of the file.
+Result<LabConfig> read_lab_config(const std::filesystem::path& path);
+
+}  // namespace flamefield
