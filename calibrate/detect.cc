@@ -1,0 +1,178 @@
+#include "calibrate/detect.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <mutex>
+#include <opencv2/calib3d.hpp>
+#include <opencv2/imgproc.hpp>
+#include <optional>
+#include <thread>
+
+namespace flamefield {
+
+namespace {
+
+// Grey levels at the 1st and 99th percentile of a sparse sample.
+struct Span {
+  float low = 0, high = 0;
+};
+Span grey_span(const Image& image) {
+  std::vector<float> sample;
+  for (std::size_t i = 0; i < image.pixels.size(); i += 17) sample.push_back(image.pixels[i]);
+  const auto at = [&](double share) {
+    const auto n = static_cast<std::ptrdiff_t>(share * static_cast<double>(sample.size() - 1));
+    std::nth_element(sample.begin(), sample.begin() + n, sample.end());
+    return sample[static_cast<std::size_t>(n)];
+  };
+  return {at(0.01), at(0.99)};
+}
+
+// 8 bits over the span, for the detector; the refinement uses the original levels.
+cv::Mat to_bytes(const cv::Mat& grey, const Span& span) {
+  cv::Mat bytes;
+  const double scale = 255.0 / std::max(1e-12, double(span.high) - span.low);
+  grey.convertTo(bytes, CV_8U, scale, -scale * span.low);
+  return bytes;
+}
+
+// Corner (row, col) of a grid that is stored row by row.
+struct CornerGrid {
+  const BoardSpec& board;
+  std::vector<cv::Point2f>& points;
+  cv::Point2f& at(int row, int col) const {
+    return points[static_cast<std::size_t>(row) * static_cast<std::size_t>(board.cols) +
+                  static_cast<std::size_t>(col)];
+  }
+};
+
+double smallest_spacing_px(const CornerGrid& grid) {
+  double smallest = 1e9;
+  for (int row = 0; row < grid.board.rows; ++row) {
+    for (int col = 0; col < grid.board.cols; ++col) {
+      if (col > 0) smallest = std::min(smallest, cv::norm(grid.at(row, col) - grid.at(row, col - 1)));
+      if (row > 0) smallest = std::min(smallest, cv::norm(grid.at(row, col) - grid.at(row - 1, col)));
+    }
+  }
+  return smallest;
+}
+
+// Seen from the front, columns run clockwise ahead of rows (image y points down).
+bool is_mirrored(const CornerGrid& grid) {
+  double area = 0;
+  for (int row = 1; row < grid.board.rows; ++row) {
+    for (int col = 1; col < grid.board.cols; ++col) {
+      area += (grid.at(row - 1, col) - grid.at(row - 1, col - 1))
+                  .cross(grid.at(row, col - 1) - grid.at(row - 1, col - 1));
+    }
+  }
+  return area < 0;
+}
+
+// Mean level of the squares whose row + column is even, minus that of the others.
+double even_minus_odd(const CornerGrid& grid, const cv::Mat& bytes) {
+  double sum[2] = {0, 0};
+  int count[2] = {0, 0};
+  for (int row = 1; row < grid.board.rows; ++row) {
+    for (int col = 1; col < grid.board.cols; ++col) {
+      const cv::Point2f centre = 0.25f * (grid.at(row, col) + grid.at(row - 1, col) + grid.at(row, col - 1) +
+                                          grid.at(row - 1, col - 1));
+      const int x = cvRound(centre.x), y = cvRound(centre.y);
+      if (x < 0 || y < 0 || x >= bytes.cols || y >= bytes.rows) continue;
+      sum[(row + col) % 2] += bytes.at<unsigned char>(y, x);
+      ++count[(row + col) % 2];
+    }
+  }
+  return sum[0] / std::max(1, count[0]) - sum[1] / std::max(1, count[1]);
+}
+
+// Puts the corners into the board's order; none when they cannot be that board's.
+bool normalise_order(const CornerGrid& grid, const cv::Mat& bytes) {
+  if (is_mirrored(grid)) {
+    for (int row = 0; row < grid.board.rows; ++row) {
+      for (int col = 0; col < grid.board.cols / 2; ++col) {
+        std::swap(grid.at(row, col), grid.at(row, grid.board.cols - 1 - col));
+      }
+    }
+  }
+  const double contrast = even_minus_odd(grid, bytes);
+  if (contrast > 0) std::reverse(grid.points.begin(), grid.points.end());  // turned by 180 degrees
+  return std::abs(contrast) > 10;
+}
+
+}  // namespace
+
+Result<> validate_for_detection(const BoardSpec& board) {
+  if (auto ok = validate(board); !ok) return ok;
+  if ((board.cols + board.rows) % 2 == 0) {
+    return invalid_input(concat("board of ", board.cols, "x", board.rows, " inner corners"),
+                         "turned by 180 degrees it looks the same, so cameras could number it differently",
+                         "use a board with one odd and one even side, e.g. 9x6");
+  }
+  return {};
+}
+
+Detection detect_board(const BoardView& view, const BoardSpec& board) {
+  Detection out{view.camera, view.pose, view.image.width_px, view.image.height_px, {}, {}};
+  if (view.image.pixels.empty()) {
+    out.reason = "empty image";
+    return out;
+  }
+  const Span span = grey_span(view.image);
+  if (!(span.high > span.low)) {
+    out.reason = "no contrast";
+    return out;
+  }
+  // OpenCV only reads through this header.
+  const cv::Mat grey(view.image.height_px, view.image.width_px, CV_32F,
+                     const_cast<float*>(view.image.pixels.data()));
+  const cv::Mat bytes = to_bytes(grey, span);
+  std::vector<cv::Point2f> points;
+  if (!cv::findChessboardCornersSB(bytes, cv::Size(board.cols, board.rows), points, 0) ||
+      points.size() != board.corners()) {
+    out.reason = "board not found";
+    return out;
+  }
+  const CornerGrid grid{board, points};
+  const double spacing_px = smallest_spacing_px(grid);
+  const int half_window = std::max(2, static_cast<int>(0.45 * spacing_px));
+  cv::cornerSubPix(grey, points, cv::Size(half_window, half_window), cv::Size(-1, -1),
+                   cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-4));
+  if (!normalise_order(grid, bytes)) {
+    out.reason = "squares have no clear colours";
+    return out;
+  }
+  for (const cv::Point2f& p : points) out.corners_px.emplace_back(p.x, p.y);
+  return out;
+}
+
+Result<std::vector<Detection>> detect(std::span<const BoardView> views, const BoardSpec& board,
+                                      const DetectOptions& options) {
+  if (auto ok = validate_for_detection(board); !ok) return tl::unexpected(ok.error());
+  // One image per worker; OpenCV's own threads would only get in the way of ours.
+  static std::once_flag once;
+  std::call_once(once, [] { cv::setNumThreads(1); });
+
+  std::vector<Detection> detections(views.size());
+  std::atomic<std::size_t> next = 0;
+  std::mutex report_mutex;
+  std::size_t done = 0;
+  const auto work = [&] {
+    for (std::size_t i = next++; i < views.size(); i = next++) {
+      detections[i] = detect_board(views[i], board);
+      if (!options.progress) continue;
+      const std::scoped_lock lock(report_mutex);
+      options.progress(++done);
+    }
+  };
+  const std::size_t wanted = options.threads > 0 ? static_cast<std::size_t>(options.threads)
+                                                 : std::max(1u, std::thread::hardware_concurrency());
+  {
+    std::vector<std::jthread> workers;
+    for (std::size_t t = 1; t < std::min(wanted, views.size()); ++t) workers.emplace_back(work);
+    work();
+  }
+  return detections;
+}
+
+}  // namespace flamefield

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "proto/board.h"
+#include "proto/error.h"
+#include "proto/image.h"
+
+namespace flamefield {
+
+// What one camera saw of one board pose: grey levels on any scale.
+struct BoardView {
+  std::string camera;
+  std::string pose;  // views of one pose show the board at one place
+  Image image;
+};
+
+struct Detection {
+  std::string camera;
+  std::string pose;
+  int image_width_px = 0;
+  int image_height_px = 0;
+  std::vector<Eigen::Vector2d> corners_px;  // (rows, cols) of the board; empty when it was not found
+  std::string reason;                       // why not
+
+  bool found() const { return !corners_px.empty(); }
+};
+
+struct DetectOptions {
+  int threads = 0;                                 // 0: all cores
+  std::function<void(std::size_t done)> progress = {};  // called from the workers, one at a time
+};
+
+// InvalidInput unless one side of the board is even and the other odd: turned by 180 degrees, any other board
+// looks the same, and two cameras may then number its corners from opposite ends.
+Result<> validate_for_detection(const BoardSpec& board);
+
+// Finds all inner corners of the board in one image, in the board's order (see proto/board.h).
+// findChessboardCornersSB, then cornerSubPix with a half-window of 0.45 of the smallest corner spacing: a
+// window that reaches the next corner is off by pixels on slanted boards.
+Detection detect_board(const BoardView& view, const BoardSpec& board);
+
+// All views in parallel, in the order given; the same for any number of threads.
+Result<std::vector<Detection>> detect(std::span<const BoardView> views, const BoardSpec& board,
+                                      const DetectOptions& options = {});
+
+}  // namespace flamefield

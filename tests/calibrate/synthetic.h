@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "acquire/simulator/true_rig.h"
+#include "calibrate/detect.h"
+
+namespace flamefield {
+
+inline std::string pose_name(std::size_t k) {
+  return "pose" + std::string(k < 10 ? "0" : "") + std::to_string(k);
+}
+
+// The board's true corners in a camera, when it is seen within 60 degrees of its normal and wholly.
+inline std::optional<std::vector<Eigen::Vector2d>> true_corners(const Camera& camera, const Rigid3& pose,
+                                                                const BoardSpec& board,
+                                                                double limit_deg = 60) {
+  const Eigen::Vector3d eye = (pose.inverse() * camera.centre_mm()).normalized();
+  if (-eye.z() < std::cos(limit_deg * std::numbers::pi / 180)) return std::nullopt;
+  std::vector<Eigen::Vector2d> corners;
+  for (const Eigen::Vector3d& point : corners_mm(board)) {
+    const auto pixel = project(camera, pose * point);
+    if (!pixel || pixel->x() < 5 || pixel->y() < 5 || pixel->x() > camera.image_width_px - 6 ||
+        pixel->y() > camera.image_height_px - 6) {
+      return std::nullopt;
+    }
+    corners.push_back(*pixel);
+  }
+  return corners;
+}
+
+// Detections of a whole session with Gaussian noise on each corner coordinate.
+inline std::vector<Detection> synthetic_session(const Rig& rig, const std::vector<Rigid3>& poses,
+                                                const BoardSpec& board, double noise_px, std::uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  std::normal_distribution<double> noise(0, noise_px > 0 ? noise_px : 1);
+  std::vector<Detection> session;
+  for (const Camera& camera : rig.cameras) {
+    for (std::size_t k = 0; k < poses.size(); ++k) {
+      Detection detection{camera.name, pose_name(k), camera.image_width_px, camera.image_height_px, {}, {}};
+      if (auto corners = true_corners(camera, poses[k], board)) {
+        for (Eigen::Vector2d& corner : *corners) {
+          if (noise_px > 0) corner += Eigen::Vector2d(noise(engine), noise(engine));
+        }
+        detection.corners_px = *corners;
+      } else {
+        detection.reason = "board not found";
+      }
+      session.push_back(detection);
+    }
+  }
+  return session;
+}
+
+}  // namespace flamefield
