@@ -1,0 +1,105 @@
+#include "calibrate/sightings.h"
+
+#include <algorithm>
+#include <map>
+#include <set>
+#include <utility>
+
+namespace flamefield {
+
+namespace {
+
+std::size_t number_of(const std::string& name, std::vector<std::string>& names,
+                      std::map<std::string, std::size_t>& numbers) {
+  const auto [at, is_new] = numbers.try_emplace(name, names.size());
+  if (is_new) names.push_back(name);
+  return at->second;
+}
+
+Result<> check_view(const Detection& view, const Detection& first_of_camera, const BoardSpec& board) {
+  if (view.image_width_px != first_of_camera.image_width_px ||
+      view.image_height_px != first_of_camera.image_height_px) {
+    return invalid_input(concat("camera ", view.camera, ": pose ", view.pose, " is ", view.image_width_px,
+                                "x", view.image_height_px, " px, pose ", first_of_camera.pose, " is ",
+                                first_of_camera.image_width_px, "x", first_of_camera.image_height_px),
+                         "one lens model holds for one image size",
+                         "take all images with the same region of interest");
+  }
+  if (view.found() && view.corners_px.size() != board.corners()) {
+    return invalid_input(
+        concat("camera ", view.camera, ", pose ", view.pose, ": ", view.corners_px.size(), " corners"),
+        concat("the board has ", board.cols, "x", board.rows), "check --board");
+  }
+  const bool finite = std::ranges::all_of(view.corners_px, [](const auto& p) { return p.allFinite(); });
+  if (!finite) {
+    return invalid_input(concat("camera ", view.camera, ", pose ", view.pose, ": a corner is not a number"),
+                         "pixels must be finite", "detect the board again");
+  }
+  return {};
+}
+
+Result<std::size_t> find_reference(const Sightings& sightings, const std::string& name) {
+  std::size_t reference = 0;
+  if (!name.empty()) {
+    const auto at = std::ranges::find(sightings.poses, name);
+    if (at == sightings.poses.end()) {
+      return invalid_input(concat("reference pose '", name, "'"), "no image has this name",
+                           concat("name one of the board poses, e.g. ", sightings.poses.front()));
+    }
+    reference = static_cast<std::size_t>(at - sightings.poses.begin());
+  }
+  const bool seen = std::ranges::any_of(sightings.views, [&](const Sightings::View& view) {
+    return view.pose == reference && view.detection->found();
+  });
+  if (!seen) {
+    return invalid_input(concat("reference pose '", sightings.poses[reference], "' was seen by no camera"),
+                         "it fixes the world frame", "turn the board on the burner towards the cameras");
+  }
+  return reference;
+}
+
+}  // namespace
+
+std::vector<const Detection*> Sightings::found_by(std::size_t camera) const {
+  std::vector<const Detection*> found;
+  for (const View& view : views) {
+    if (view.camera == camera && view.detection->found()) found.push_back(view.detection);
+  }
+  return found;
+}
+
+Result<Sightings> sight(std::span<const Detection> detections, const BoardSpec& board,
+                        const std::string& reference_pose) {
+  Sightings out;
+  std::map<std::string, std::size_t> camera_numbers, pose_numbers;
+  std::map<std::size_t, const Detection*> first_of_camera;
+  std::set<std::pair<std::size_t, std::size_t>> taken;
+  std::set<std::size_t> seen_poses;
+  for (const Detection& detection : detections) {
+    const std::size_t camera = number_of(detection.camera, out.cameras, camera_numbers);
+    const std::size_t pose = number_of(detection.pose, out.poses, pose_numbers);
+    if (!taken.insert({camera, pose}).second) {
+      return invalid_input(concat("camera ", detection.camera, " has two images of pose ", detection.pose),
+                           "one image each", "give every board pose its own name");
+    }
+    const Detection& first = *first_of_camera.try_emplace(camera, &detection).first->second;
+    if (auto ok = check_view(detection, first, board); !ok) return tl::unexpected(ok.error());
+    if (detection.found()) seen_poses.insert(pose);
+    out.views.push_back({camera, pose, &detection});
+  }
+  if (seen_poses.empty()) {
+    return invalid_input(concat("no board in any of ", detections.size(), " images"),
+                         concat("looked for ", board.cols, "x", board.rows, " inner corners"),
+                         "check --board, focus and light");
+  }
+  if (seen_poses.size() < 2) {
+    return invalid_input("only one board pose was seen", "cameras and lenses need several orientations",
+                         "take 20 poses or more");
+  }
+  auto reference = find_reference(out, reference_pose);
+  if (!reference) return tl::unexpected(reference.error());
+  out.reference = *reference;
+  return out;
+}
+
+}  // namespace flamefield
