@@ -10,6 +10,7 @@
 #include "proto/recipe.h"
 #include "proto/rig.h"
 #include "proto/volume.h"
+#include "reconstruct/settings.h"
 
 namespace flamefield {
 
@@ -25,6 +26,8 @@ struct PrepareOptions {
   bool clip_negative = true;
 };
 Result<PrepareOptions> prepare_options(const Recipe& recipe);  // unknown [prepare] keys are errors
+
+std::vector<SettingField> fields_of(PrepareOptions& options);
 
 // Mean grey levels by camera name.
 using CameraImages = std::map<std::string, Image>;

@@ -11,6 +11,8 @@
 #include "proto/recipe.h"
 #include "proto/rig.h"
 #include "proto/volume.h"
+#include "reconstruct/projector.h"
+#include "reconstruct/settings.h"
 
 namespace flamefield {
 
@@ -62,7 +64,18 @@ std::vector<std::string_view> solver_names();
 Result<Reconstruction> reconstruct(const Projections& projections, const Rig& rig, const Grid& grid,
                                    const Recipe& recipe, const SolveControl& control);
 
-// Checks solver name and all [solver] tables of a recipe without running it.
+// The same with a projector made before, e.g. one for all pulses of a burst; views are matched by name.
+Result<Reconstruction> reconstruct(const Projections& projections, const Projector& projector,
+                                   const Recipe& recipe, const SolveControl& control);
+
+// How a recipe wants its projector (table [projector]).
+Result<ProjectorOptions> projector_options(const Recipe& recipe);
+
+// The settings of a table: a solver's name, "projector" or "prepare". Empty for others.
+std::vector<SettingDoc> settings_of(std::string_view table);
+std::string_view summary_of(std::string_view solver);  // one line with its source
+
+// Checks solver name and all tables of a recipe without running it.
 Result<> validate_recipe(const Recipe& recipe);
 
 }  // namespace flamefield

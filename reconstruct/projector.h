@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "proto/rig.h"
+#include "proto/volume.h"
+#include "reconstruct/parallel.h"
+
+namespace flamefield {
+
+struct ProjectorOptions {
+  int pixel_samples = 2;            // k x k rays a pixel
+  double step_voxels = 0.5;         // ds, in units of the smallest voxel side
+  double memory_budget_mib = 2048;  // a matrix that needs more is not stored but traced anew each time
+};
+
+struct ColumnEntry {
+  std::uint32_t pixel = 0;  // index into (views, rows, cols)
+  float weight = 0;         // mm
+};
+
+// One way to apply A. All ways share the discretisation of ray_march.h.
+class ProjectorEngine {
+ public:
+  virtual ~ProjectorEngine() = default;
+  virtual void forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
+                       std::span<float> projections) const = 0;
+  virtual void adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
+                       std::span<float> volume) const = 0;
+  virtual void column(std::size_t voxel, std::vector<ColumnEntry>& entries) const = 0;
+  virtual std::string name() const = 0;
+};
+
+// A, the linear map from a volume (nz, ny, nx) to its projections (views, rows, cols), in mm: line integrals
+// through any camera, lens distortion included. Forward, adjoint and columns come from one discretisation.
+// Immutable; may be shared by solves and threads.
+class Projector {
+ public:
+  // InvalidInput: invalid rig or grid, cameras of different image sizes, options out of range.
+  static Result<Projector> make(const Rig& rig, const Grid& grid, const ProjectorOptions& options,
+                                Team& team);
+
+  const Grid& grid() const { return grid_; }
+  const std::vector<std::string>& view_names() const { return view_names_; }
+  int rows() const { return rows_; }
+  int cols() const { return cols_; }
+  std::size_t views() const { return view_names_.size(); }
+  std::size_t pixels() const;  // of all views
+  std::string engine() const { return engine_->name(); }
+
+  // projections = A volume
+  void forward(Team& team, std::span<const float> volume, std::span<float> projections) const;
+  // volume = A^T projections
+  void adjoint(Team& team, std::span<const float> projections, std::span<float> volume) const;
+
+  // The same with some views only: forward writes only those, adjoint reads only those.
+  void forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
+               std::span<float> projections) const;
+  void adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
+               std::span<float> volume) const;
+
+  // A's column of one voxel; replaces `entries`, pixels in ascending order.
+  void column(std::size_t voxel, std::vector<ColumnEntry>& entries) const;
+
+ private:
+  Projector() = default;
+  Grid grid_;
+  std::vector<std::string> view_names_;
+  int rows_ = 0, cols_ = 0;
+  std::vector<std::size_t> all_views_;
+  std::shared_ptr<const ProjectorEngine> engine_;
+};
+
+}  // namespace flamefield

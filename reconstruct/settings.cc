@@ -1,0 +1,95 @@
+#include "reconstruct/settings.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "proto/check.h"
+
+namespace flamefield {
+
+namespace {
+
+// Levenshtein distance, one row at a time.
+std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0]++;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t substituted = diagonal + (a[i] != b[j]);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({substituted, row[j + 1] + 1, row[j] + 1});
+    }
+  }
+  return row.back();
+}
+
+std::string range_text(const SettingField& field) {
+  if (std::holds_alternative<bool*>(field.target)) return "true or false";
+  const bool bounded = field.high < 1e12;
+  return bounded ? concat(field.low, " .. ", field.high) : concat(">= ", field.low);
+}
+
+Result<> store(std::string_view name, const SettingField& field, const Setting& setting) {
+  const auto wrong = [&](std::string_view why) {
+    return invalid_input(concat(name, "=", text_of(setting)), why,
+                         concat("range: ", range_text(field), field.unit.empty() ? "" : " ", field.unit));
+  };
+  if (auto* const* target = std::get_if<bool*>(&field.target)) {
+    if (!std::holds_alternative<bool>(setting)) return wrong("must be true or false");
+    **target = std::get<bool>(setting);
+    return {};
+  }
+  const bool integer = std::holds_alternative<std::int64_t>(setting);
+  if (!integer && !std::holds_alternative<double>(setting)) return wrong("must be a number");
+  const double value =
+      integer ? static_cast<double>(std::get<std::int64_t>(setting)) : std::get<double>(setting);
+  if (!(value >= field.low && value <= field.high)) return wrong("out of range");
+  if (auto* const* target = std::get_if<int*>(&field.target)) {
+    if (!integer) return wrong("must be a whole number");
+    **target = static_cast<int>(value);
+  } else {
+    *std::get<double*>(field.target) = value;
+  }
+  return {};
+}
+
+}  // namespace
+
+std::vector<SettingDoc> describe(std::span<const SettingField> fields) {
+  std::vector<SettingDoc> out;
+  for (const SettingField& field : fields) {
+    const std::string value =
+        std::visit([](const auto* v) { return concat(std::boolalpha, *v); }, field.target);
+    out.push_back(
+        {std::string(field.key), std::string(field.unit), range_text(field), value, std::string(field.doc)});
+  }
+  return out;
+}
+
+Result<> read_settings(std::string_view table, std::span<const SettingField> fields, const Recipe& recipe) {
+  for (const auto& [name, setting] : recipe.settings) {
+    const auto dot = name.find('.');
+    if (std::string_view(name).substr(0, dot) != table) continue;
+    const std::string_view key = dot == std::string::npos ? "" : std::string_view(name).substr(dot + 1);
+    const auto field = std::ranges::find(fields, key, &SettingField::key);
+    if (field == fields.end()) {
+      std::vector<std::string_view> keys;
+      for (const SettingField& f : fields) keys.push_back(f.key);
+      return invalid_input(concat("unknown setting '", name, "'"),
+                           concat("table [", table, "] has no such key"),
+                           concat("did you mean '", table, ".", nearest_name(key, keys), "'?"));
+    }
+    if (auto ok = store(name, *field, setting); !ok) return ok;
+  }
+  return {};
+}
+
+std::string_view nearest_name(std::string_view name, std::span<const std::string_view> candidates) {
+  expect(!candidates.empty(), "there is a name to suggest");
+  return *std::ranges::min_element(candidates, {},
+                                   [&](std::string_view c) { return edit_distance(name, c); });
+}
+
+}  // namespace flamefield
