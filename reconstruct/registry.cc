@@ -37,10 +37,10 @@ Solver entry(std::string_view name, std::string_view summary, Options defaults,
 
 std::span<const Solver> solvers() {
   static const std::vector<Solver> list = {
+      entry("osem", "MLEM with ordered subsets of views (Hudson and Larkin 1994)",
+            MlemOptions{.max_iterations = 12, .subsets = 5, .smoothing = 0.3}, osem_fields, solve_mlem),
       entry("mlem", "maximum likelihood for Poisson data (Shepp and Vardi 1982), smoothed EM", MlemOptions{},
             mlem_fields, solve_mlem),
-      entry("osem", "MLEM with ordered subsets of views (Hudson and Larkin 1994)",
-            MlemOptions{.max_iterations = 8, .subsets = 5, .smoothing = 0.1}, osem_fields, solve_mlem),
       entry("sirt", "simultaneous iterative reconstruction (Gilbert 1972), non-negative", SirtOptions{},
             sirt_fields, solve_sirt),
   };

@@ -1,5 +1,6 @@
 #include "reconstruct/ring.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <numbers>

@@ -14,7 +14,7 @@ struct SirtOptions {
   int max_iterations = 100;
   double relaxation = 1.5;
   bool non_negative = true;
-  double smoothing = 0;
+  double smoothing = 0.02;
   int subsets = 1;
   double residual_tolerance = 0;
 };

@@ -12,9 +12,9 @@ namespace flamefield {
 // smoothing between iterations (Silverman et al., J. R. Stat. Soc. B 52, 1990):
 //   x <- S( x / (A_s^T 1) * A_s^T (b_s / (A_s x)) )
 struct MlemOptions {
-  int max_iterations = 40;
-  int subsets = 1;          // of views; 1: MLEM, more: OSEM
-  double smoothing = 0.02;  // share of the paper's filter (1/2 centre + 1/12 neighbours) after each iteration
+  int max_iterations = 80;
+  int subsets = 1;         // of views; 1: MLEM, more: OSEM
+  double smoothing = 0.1;  // share of the paper's filter (1/2 centre + 1/12 neighbours) after each iteration
   double residual_tolerance = 0;
 };
 std::vector<SettingField> mlem_fields(MlemOptions& options);

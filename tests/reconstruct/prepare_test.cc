@@ -1,0 +1,161 @@
+#include "reconstruct/prepare.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "reconstruct/phantom/phantom.h"
+#include "reconstruct/render.h"
+#include "tests/reconstruct/support.h"
+
+namespace flamefield {
+namespace {
+
+constexpr double kCounts = 8.0;
+
+// A ring of sensors that see far more than the domain, each with its own dark level, hot pixels and vignette.
+struct Bench {
+  Grid grid = centred_grid(20, 22, 20, 2);
+  Rig rig;
+  CameraImages flame, dark, background, flat;
+
+  Bench() {
+    rig = *make_ring(
+        {.views = 3, .spacing_rad = 0.5, .radius_mm = 400, .image_width_px = 220, .image_height_px = 160},
+        centred_grid(50, 36, 50, 2));
+    const Volume truth = make_phantom({.kind = PhantomKind::Gaussian}, grid);
+    for (Camera& c : rig.cameras) {
+      c.distortion = {-0.1, 0.02, 0.001, -0.001, 0};
+      const Image ideal = render_view(truth, c, {.step_voxels = 0.25, .pixel_samples = 2});
+      Image& d = dark[c.name] = Image(220, 160, 10);
+      Image& b = background[c.name] = Image(220, 160);
+      Image& f = flame[c.name] = Image(220, 160);
+      Image& w = flat[c.name] = Image(220, 160);
+      for (int y = 0; y < 160; ++y)
+        for (int x = 0; x < 220; ++x) {
+          if (x % 37 == 5 && y % 29 == 3) d.at(x, y) = 90;
+          const double vignette =
+              1 - 0.3 * (std::pow((x - 110) / 110.0, 2) + std::pow((y - 80) / 80.0, 2)) / 2;
+          b.at(x, y) = d.at(x, y) + static_cast<float>(3 * vignette);
+          w.at(x, y) = d.at(x, y) + static_cast<float>(150 * vignette);
+          const double level = b.at(x, y) + kCounts * vignette * ideal.at(x, y);
+          f.at(x, y) = static_cast<float>(std::round(level));  // 8-bit sensor
+        }
+    }
+  }
+};
+
+TEST(Prepare, RecoversTheProjectionsBehindSensorImages) {
+  const Bench bench;
+  const auto out = prepare(bench.flame, bench.dark, bench.background, bench.flat, bench.rig, bench.grid,
+                           {.counts_per_unit = kCounts});
+  ASSERT_TRUE(out.has_value()) << out.error().message;
+  const auto expected = render(make_phantom({.kind = PhantomKind::Gaussian}, bench.grid), out->rig,
+                               {.step_voxels = 0.25, .pixel_samples = 4});
+  ASSERT_TRUE(expected.has_value());
+  ASSERT_EQ(expected->values.size(), out->projections.values.size());
+  EXPECT_EQ(out->projections.view_names, expected->view_names);
+  // The flat field is relative to its mean over the window, so one factor per view is free.
+  for (std::size_t v = 0; v < 3; ++v) {
+    double ab = 0, bb = 0, error = 0;
+    for (std::size_t i = 0; i < expected->pixels_per_view(); ++i) {
+      ab += out->projections.view(v)[i] * expected->view(v)[i];
+      bb += std::pow(expected->view(v)[i], 2);
+    }
+    const double gain = ab / bb;
+    EXPECT_NEAR(gain, 0.95, 0.06);
+    for (std::size_t i = 0; i < expected->pixels_per_view(); ++i) {
+      error += std::pow(out->projections.view(v)[i] - gain * expected->view(v)[i], 2);
+    }
+    EXPECT_LT(std::sqrt(error / bb), 0.02);
+  }
+}
+
+TEST(Prepare, APixelIsAboutAVoxelWideAndTheDomainIsInside) {
+  const Bench bench;
+  const auto out = prepare(bench.flame, {}, {}, {}, bench.rig, bench.grid, {});
+  ASSERT_TRUE(out.has_value());
+  for (const Camera& c : out->rig.cameras) {
+    const double width = c.fx_px * 2 / 400;
+    EXPECT_GT(width, 0.6);
+    EXPECT_LT(width, 1.6);
+    for (int corner = 0; corner < 8; ++corner) {
+      const Eigen::Vector3d at(corner & 1 ? 20 : -20, corner & 2 ? 22 : -22, corner & 4 ? 20 : -20);
+      const auto pixel = project(c, at);
+      EXPECT_GT(pixel->x(), -0.5);
+      EXPECT_GT(pixel->y(), -0.5);
+      EXPECT_LT(pixel->x(), c.image_width_px - 0.5);
+      EXPECT_LT(pixel->y(), c.image_height_px - 0.5);
+    }
+  }
+}
+
+TEST(Prepare, BinningAveragesAndKeepsTheLevel) {
+  const Bench bench;
+  CameraImages uniform;
+  for (const Camera& c : bench.rig.cameras) uniform[c.name] = Image(220, 160, 42);
+  const auto out = prepare(uniform, {}, {}, {}, bench.rig, bench.grid, {.binning = 3, .counts_per_unit = 2});
+  ASSERT_TRUE(out.has_value());
+  for (float v : out->projections.values) EXPECT_NEAR(v, 21, 1e-4);
+}
+
+TEST(Prepare, EveryStepIsInTheProvenance) {
+  const Bench bench;
+  const auto out = prepare(bench.flame, bench.dark, bench.background, bench.flat, bench.rig, bench.grid, {});
+  ASSERT_TRUE(out.has_value());
+  EXPECT_EQ(out->provenance.size(), 7u);
+  std::string all;
+  for (const std::string& line : out->provenance) all += line + "\n";
+  for (const char* word : {"background", "flat", "hot pixels", "cut to", "merged", "negative"}) {
+    EXPECT_NE(all.find(word), std::string::npos) << all;
+  }
+}
+
+TEST(Prepare, CamerasWithoutImagesAreLeftOut) {
+  Bench bench;
+  bench.flame.erase("cam01");
+  const auto out = prepare(bench.flame, bench.dark, {}, {}, bench.rig, bench.grid, {});
+  ASSERT_TRUE(out.has_value());
+  EXPECT_EQ(out->projections.view_names, (std::vector<std::string>{"cam00", "cam02"}));
+}
+
+TEST(Prepare, WrongImagesAreRefusedByName) {
+  const auto message = [](const Bench& b) {
+    const auto out = prepare(b.flame, b.dark, {}, {}, b.rig, b.grid, {});
+    return out ? std::string("accepted") : out.error().message;
+  };
+  Bench stranger;
+  stranger.flame["cam99"] = Image(220, 160);
+  EXPECT_NE(message(stranger).find("cam99 is not in the rig"), std::string::npos);
+  Bench small;
+  small.flame["cam01"] = Image(100, 160);
+  EXPECT_NE(message(small).find("cam01 has 100x160"), std::string::npos);
+  Bench bad;
+  bad.flame["cam02"].at(3, 4) = std::numeric_limits<float>::infinity();
+  EXPECT_NE(message(bad).find("row 4, column 3"), std::string::npos);
+  Bench lacking;
+  lacking.dark.erase("cam00");
+  EXPECT_NE(message(lacking).find("no dark image of camera cam00"), std::string::npos);
+}
+
+TEST(MeanImages, AverageTheFramesOfEachCamera) {
+  std::vector<FrameSet> sets(2);
+  for (int i = 0; i < 2; ++i) {
+    const std::vector<std::byte> bytes(6, static_cast<std::byte>(10 + 5 * i));
+    sets[static_cast<std::size_t>(i)].frames.push_back(
+        {.camera = "a",
+         .width_px = 3,
+         .height_px = 2,
+         .bytes = std::make_shared<const std::vector<std::byte>>(bytes)});
+  }
+  const auto means = mean_images(sets);
+  ASSERT_TRUE(means.has_value());
+  EXPECT_EQ(means->at("a").pixels, std::vector<float>(6, 12.5f));
+  sets[1].frames[0].width_px = 4;
+  EXPECT_FALSE(mean_images(sets).has_value());
+}
+
+}  // namespace
+}  // namespace flamefield
