@@ -1,0 +1,295 @@
+#include "acquire/camera_array.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "acquire/utc.h"
+#include "proto/check.h"
+
+namespace flamefield {
+
+namespace {
+
+constexpr int kArmingTries = 20;
+
+// UTC at the first call, then the steady clock: a correction of the system's time must not close sets.
+std::int64_t steady_utc_ns() {
+  using std::chrono::steady_clock;
+  static const auto begin = steady_clock::now();
+  static const std::int64_t begin_utc_ns = utc_now_ns();
+  return begin_utc_ns + std::chrono::nanoseconds(steady_clock::now() - begin).count();
+}
+
+// Asks all cameras at once, then waits for all answers; the messages of those that failed, joined.
+template <class Ask>
+Result<> ask_all(const std::vector<std::unique_ptr<Camera>>& cameras, Ask ask) {
+  std::vector<std::future<Result<>>> answers;
+  for (const auto& camera : cameras) answers.push_back(ask(*camera));
+  std::optional<Error> error;
+  for (auto& answer : answers) {
+    const Result<> result = answer.get();
+    if (result) continue;
+    if (error) {
+      error->message += "; " + result.error().message;
+    } else {
+      error = result.error();
+    }
+  }
+  if (error) return tl::unexpected(*error);
+  return {};
+}
+
+}  // namespace
+
+Result<std::unique_ptr<CameraArray>> CameraArray::open(const std::vector<CameraAddress>& addresses,
+                                                       const CameraSettings& settings) {
+  if (addresses.empty())
+    return invalid_input("no cameras", "an array needs at least one", "list their addresses");
+  for (std::size_t i = 0; i < addresses.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (addresses[i].name != addresses[k].name && addresses[i].address != addresses[k].address) continue;
+      return invalid_input(concat("camera ", addresses[i].name, " at ", addresses[i].address),
+                           "its name or address is used twice", "give each camera its own");
+    }
+  }
+  if (auto ok = validate(settings); !ok) return tl::unexpected(ok.error());
+  std::unique_ptr<CameraArray> array(new CameraArray);
+  for (const CameraAddress& address : addresses) {
+    array->cameras_.push_back(std::make_unique<Camera>(address, settings));
+  }
+  if (auto ok = ask_all(array->cameras_, [](Camera& camera) { return camera.open(); }); !ok) {
+    return tl::unexpected(ok.error());
+  }
+  return array;
+}
+
+CameraArray::~CameraArray() {
+  if (is_capturing_) stop();
+  for (const auto& camera : cameras_) camera->begin_close();  // each may take seconds, all at the same time
+}
+
+Result<> CameraArray::apply(const CameraSettings& settings) {
+  expect(!is_capturing_, "settings change between captures");
+  if (auto ok = validate(settings); !ok) return ok;
+  return ask_all(cameras_, [&](Camera& camera) { return camera.apply(settings); });
+}
+
+Camera::Events CameraArray::events_of(std::size_t camera) {
+  return {.on_frame =
+              [this, camera](Arrival arrival) {
+                push({camera, std::move(arrival)});
+              },
+          .on_loss =
+              [this, camera](LossCause cause) {
+                push({camera, cause});
+              },
+          .on_camera_lost =
+              [this, camera] {
+                push({camera, Lost{}});
+              }};
+}
+
+Result<> CameraArray::start(const CaptureOptions& options, SetHandler on_set) {
+  expect(!is_capturing_, "one capture at a time");
+  expect(options.set_deadline_ms > 0 && options.pulses >= 0,
+         "the deadline is positive, pulses are not negative");
+  std::size_t number = 0;
+  Result<> armed = ask_all(cameras_, [&](Camera& camera) { return camera.arm(events_of(number++)); });
+  {
+    const std::lock_guard lock(mutex_);
+    inputs_.clear();  // what a camera that was given up delivered after the last capture
+  }
+  Result<std::int64_t> count = armed ? agree_on_count() : tl::unexpected(armed.error());
+  if (!count) {
+    for (const auto& camera : cameras_) camera->stop();  // the answers do not matter
+    return tl::unexpected(count.error());
+  }
+  first_count_ = *count;
+  GrouperOptions grouper;
+  grouper.cameras = names();
+  grouper.capture = options.capture;
+  grouper.kind = options.kind;
+  grouper.pulses = options.pulses;
+  grouper.first_count = first_count_;
+  grouper.deadline_ns = options.set_deadline_ms * 1'000'000;
+  grouper.silence_ns = grouper.deadline_ns / 5 * 4;
+  options_ = options;
+  on_set_ = std::move(on_set);
+  {
+    const std::lock_guard lock(mutex_);
+    grouper_.emplace(std::move(grouper));
+    sets_handled_ = complete_sets_ = 0;
+    end_request_.reset();
+    flush_request_ = is_drained_ = false;
+  }
+  is_capturing_ = true;
+  thread_ = std::thread([this] { run(); });
+  return {};
+}
+
+// All cameras must agree which pulse is the first, even if the trigger never stops: when all counters read
+// zero after all have been reset, no edge came in between, so they count together from here on.
+Result<std::int64_t> CameraArray::agree_on_count() {
+  bool agreed = false;
+  for (int i = 0; i < kArmingTries && !agreed; ++i) {
+    std::vector<std::future<bool>> resets;
+    for (const auto& camera : cameras_) resets.push_back(camera->reset_trigger_count());
+    bool any = false;
+    for (auto& reset : resets) any = reset.get() || any;
+    agreed = !any || highest_count().value_or(0) == 0;
+  }
+  if (!agreed) {
+    return unavailable("cannot arm the cameras", "trigger pulses came during each of 20 tries",
+                       "pause the trigger while arming");
+  }
+  if (auto ok = ask_all(cameras_, [](Camera& camera) { return camera.start(); }); !ok) {
+    return tl::unexpected(ok.error());
+  }
+  return highest_count().value_or(0);
+}
+
+// Over all cameras that count; none when no camera does.
+std::optional<std::int64_t> CameraArray::highest_count() {
+  std::vector<std::future<std::optional<std::int64_t>>> answers;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    const bool is_lost = [&] {
+      const std::lock_guard lock(mutex_);
+      return is_capturing_ && grouper_->is_lost(i);
+    }();
+    if (!is_lost) answers.push_back(cameras_[i]->trigger_count());
+  }
+  std::optional<std::int64_t> highest;
+  for (auto& answer : answers) {
+    const auto count = answer.get();
+    if (count) highest = std::max(highest.value_or(0), *count);
+  }
+  return highest;
+}
+
+void CameraArray::push(Input input) {
+  {
+    const std::lock_guard lock(mutex_);
+    inputs_.push_back(std::move(input));
+  }
+  wake_.notify_all();
+}
+
+void CameraArray::feed(Input input, std::vector<FrameSet>& sets) {
+  const std::int64_t now_ns = steady_utc_ns();
+  std::vector<FrameSet> more;
+  if (auto* arrival = std::get_if<Arrival>(&input.what)) {
+    more = grouper_->add(input.camera, std::move(*arrival), now_ns);
+  } else if (const auto* cause = std::get_if<LossCause>(&input.what)) {
+    more = grouper_->lose(input.camera, *cause, now_ns);
+  } else {
+    more = grouper_->lose_camera(input.camera, now_ns);
+  }
+  std::move(more.begin(), more.end(), std::back_inserter(sets));
+}
+
+void CameraArray::run() {
+  std::unique_lock lock(mutex_);
+  for (bool is_over = false; !is_over;) {
+    const auto has_news = [this] {
+      return !inputs_.empty() || flush_request_ ||
+             (end_request_ && !is_drained_ && !grouper_->has_open_sets());
+    };
+    if (const auto deadline_ns = grouper_->next_deadline_ns()) {
+      const std::int64_t wait_ns = std::max<std::int64_t>(*deadline_ns - steady_utc_ns(), 0);
+      wake_.wait_for(lock, std::chrono::nanoseconds(wait_ns), has_news);
+    } else {
+      wake_.wait(lock, has_news);
+    }
+    std::vector<FrameSet> sets;
+    const auto collect = [&sets](std::vector<FrameSet> more) {
+      std::move(more.begin(), more.end(), std::back_inserter(sets));
+    };
+    for (; !inputs_.empty(); inputs_.pop_front()) feed(std::move(inputs_.front()), sets);
+    if (end_request_) collect(grouper_->end_at(*end_request_, steady_utc_ns()));
+    collect(grouper_->advance(steady_utc_ns()));
+    if (flush_request_) {
+      collect(grouper_->flush(steady_utc_ns()));
+      is_over = true;
+    }
+    lock.unlock();
+    std::int64_t complete = 0;
+    const auto handled = static_cast<std::int64_t>(sets.size());
+    for (FrameSet& set : sets) {
+      complete += set.losses.empty() ? 1 : 0;
+      on_set_(std::move(set));
+    }
+    lock.lock();
+    sets_handled_ += handled;
+    complete_sets_ += complete;
+    is_drained_ = is_over || (end_request_ && inputs_.empty() && !grouper_->has_open_sets());
+    changed_.notify_all();
+  }
+}
+
+bool CameraArray::wait_done(std::chrono::milliseconds timeout) {
+  std::unique_lock lock(mutex_);
+  return changed_.wait_for(lock, timeout,
+                           [this] { return options_.pulses > 0 && sets_handled_ >= options_.pulses; });
+}
+
+CaptureReport CameraArray::stop() {
+  expect(is_capturing_, "a capture is under way");
+  if (const auto count = highest_count()) {
+    std::unique_lock lock(mutex_);
+    end_request_ = *count - first_count_;
+    wake_.notify_all();
+    changed_.wait(lock, [this] { return is_drained_; });  // at the latest at the last set's deadline
+  }
+  std::vector<std::future<StreamStatistics>> statistics;
+  for (const auto& camera : cameras_) statistics.push_back(camera->stop());
+  CaptureReport report;
+  report.capture = options_.capture;
+  report.kind = options_.kind;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    CameraReceipt receipt;
+    receipt.camera = cameras_[i]->address().name;
+    {
+      const std::lock_guard lock(mutex_);
+      receipt.is_lost = grouper_->is_lost(i);
+    }
+    if (!receipt.is_lost) receipt.stream = statistics[i].get();  // a lost one takes seconds to let go
+    report.cameras.push_back(std::move(receipt));
+  }
+  {
+    const std::lock_guard lock(mutex_);
+    flush_request_ = true;
+  }
+  wake_.notify_all();
+  thread_.join();
+  is_capturing_ = false;
+  const std::lock_guard lock(mutex_);
+  report.pulses = grouper_->pulses_seen();
+  report.complete_sets = complete_sets_;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) report.cameras[i].tally = grouper_->tallies()[i];
+  return report;
+}
+
+Result<> CameraArray::software_trigger() {
+  return ask_all(cameras_, [](Camera& camera) { return camera.software_trigger(); });
+}
+
+CaptureProgress CameraArray::progress() const {
+  const std::lock_guard lock(mutex_);
+  CaptureProgress out;
+  if (!grouper_) return out;
+  out.pulses_seen = grouper_->pulses_seen();
+  out.sets = sets_handled_;
+  out.complete_sets = complete_sets_;
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    if (grouper_->is_lost(i)) out.lost_cameras.push_back(cameras_[i]->address().name);
+  }
+  return out;
+}
+
+std::vector<std::string> CameraArray::names() const {
+  std::vector<std::string> out;
+  for (const auto& camera : cameras_) out.push_back(camera->address().name);
+  return out;
+}
+
+}  // namespace flamefield

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "proto/error.h"
+#include "proto/frame.h"
+
+namespace flamefield {
+
+struct CameraAddress {
+  std::string name;     // as in the rig: cam00, cam01, ...
+  std::string address;  // IPv4; never discovered, so nothing is broadcast
+};
+
+struct SensorRegion {
+  int offset_x_px = 0, offset_y_px = 0;
+  int width_px = 0, height_px = 0;
+};
+
+// What every camera of an array is set to; each value is read back from the camera.
+struct CameraSettings {
+  std::string trigger_source = "Line1";
+  std::string trigger_activation = "RisingEdge";
+  int exposure_us = 350;                       // [4, 1000000]
+  std::optional<int> gain_raw = std::nullopt;  // camera's own steps; none: left as it is
+  PixelFormat pixel_format = PixelFormat::Mono8;
+  std::optional<SensorRegion> region = std::nullopt;  // none: left as it is
+  int packet_size_bytes = 1500;                       // IP and UDP headers included, [220, 16404]
+  std::int64_t packet_delay_ns = 0;                   // between two packets of a frame
+  int buffers = 16;                   // frames that may wait for the camera's thread, [2, 1000]
+  int socket_buffer_bytes = 8 << 20;  // of the kernel; less where it allows less
+};
+
+// InvalidInput names the value that is out of range.
+Result<> validate(const CameraSettings& settings);
+
+}  // namespace flamefield

@@ -1,0 +1,128 @@
+#pragma once
+
+#include <netinet/in.h>
+
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "acquire/simulator/faults.h"
+#include "acquire/simulator/gvcp.h"
+#include "acquire/simulator/gvsp.h"
+#include "acquire/simulator/register_memory.h"
+#include "acquire/simulator/scene.h"
+#include "acquire/simulator/sensor.h"
+
+namespace flamefield {
+
+struct SimulatedCameraOptions {
+  std::size_t number = 0;  // in the array
+  std::string serial;
+  std::string user_name;
+  in_addr address{};  // its own, in network byte order
+  int width_px = 659;
+  int height_px = 494;
+  std::int64_t clock_offset_ns = 0;  // the camera's clock at UTC 0 of the array
+  double clock_drift_ppm = 0;
+  std::uint64_t seed = 1;
+  SensorModel sensor;
+};
+
+struct SimulatedCameraCounters {
+  std::int64_t edges = 0;            // on Line1 while the power was on
+  std::int64_t missed = 0;           // no picture: a scripted fault, or still busy with earlier pulses
+  std::int64_t frames = 0;           // pictures taken
+  std::int64_t packets = 0;          // due on the wire
+  std::int64_t dropped = 0;          // of these, lost by a scripted fault
+  std::int64_t resent = 0;           // sent again on request
+  std::int64_t commands = 0;         // well-formed control packets
+  std::int64_t refused_packets = 0;  // control packets that make no sense
+};
+
+// One GigE Vision camera: registers, control protocol, and a thread that takes and sends pictures. The
+// sockets' reader calls handle(), the signal generator trigger(); both return at once.
+class SimulatedCamera {
+ public:
+  using SceneSource = std::function<Scene()>;
+
+  // `stream_socket`: an open UDP socket bound to the camera's address, which the camera closes.
+  SimulatedCamera(const SimulatedCameraOptions& options, SceneSource scene, int stream_socket);
+  ~SimulatedCamera();
+  SimulatedCamera(const SimulatedCamera&) = delete;
+  SimulatedCamera& operator=(const SimulatedCamera&) = delete;
+
+  // Answers one control packet; none when there is nothing to say. Call from one thread.
+  std::optional<std::vector<std::uint8_t>> handle(std::span<const std::uint8_t> packet,
+                                                  const sockaddr_in& from);
+  // Gives the camera back when its client has been silent for longer than the heartbeat. Call now and then.
+  void expire_control();
+  // A rising edge on Line1.
+  void trigger(const Pulse& pulse);
+
+  void set_faults(const CameraFaults& faults);
+  void set_power(bool on);  // off: mute, and everything that the client set is forgotten
+  SimulatedCameraCounters counters() const;
+  const SimulatedCameraOptions& options() const { return options_; }
+
+ private:
+  struct Order {
+    Pulse pulse;
+    std::uint32_t trigger_count = 0;
+  };
+  struct Controller {
+    in_addr_t address = 0;
+    in_port_t port = 0;
+    std::int64_t heard_ns = 0;
+  };
+
+  void reset_registers();
+  void release_control();
+  bool may_write(const sockaddr_in& from) const;
+  GvcpStatus write_register(const RegisterWrite& write, const sockaddr_in& from);
+  GvcpStatus write_memory(std::span<const std::uint8_t> payload, const sockaddr_in& from);
+  void after_write(const RegisterWrite& write);
+  void resend(const ResendRequest& request);
+  void send_test_packet(std::uint32_t packet_size);
+  void latch_clock();
+  std::uint64_t ticks_at(std::int64_t time_ns) const;
+
+  void count_and_order(const Pulse& pulse, std::uint32_t source);
+  bool is_free_running() const;
+  void run();
+  std::shared_ptr<StreamFrame> take_picture(const Order& order);
+  void append_chunks(StreamFrame& frame, const Order& order) const;
+  void send(const StreamFrame& frame);
+  bool is_dropped(const StreamFrame& frame, std::uint32_t packet, std::uint64_t attempt) const;
+  sockaddr_in stream_destination() const;
+
+  const SimulatedCameraOptions options_;
+  const SceneSource scene_;
+  const int stream_socket_;
+  RegisterMemory registers_;
+  const Sensor sensor_;
+  const std::int64_t epoch_ns_;
+  std::optional<Controller> controller_;  // control thread only
+
+  mutable std::mutex mutex_;  // what follows
+  std::condition_variable wake_;
+  std::deque<Order> orders_;
+  std::deque<std::shared_ptr<const StreamFrame>> history_;  // for resend
+  CameraFaults faults_;
+  SimulatedCameraCounters counters_;
+  std::uint32_t trigger_count_ = 0;  // since CounterReset
+  std::uint16_t last_frame_id_ = 0;
+  std::uint64_t resend_attempts_ = 0;
+  bool quit_ = false;
+  bool has_power_ = true;
+  std::thread thread_;
+};
+
+}  // namespace flamefield
