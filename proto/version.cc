@@ -1,4 +1,4 @@
-#include "services/store/provenance.h"
+#include "proto/version.h"
 
 namespace flamefield {
 

@@ -1,0 +1,169 @@
+#include "services/bus/socket.h"
+
+#include <cstring>
+
+#include "proto/check.h"
+
+namespace flamefield {
+
+namespace {
+
+constexpr std::size_t kMaxParts = kMaxCameras + 2;
+constexpr char kDomain[] = "flamefield";
+
+bool is_inproc(const std::string& endpoint) {
+  return endpoint.starts_with("inproc://");
+}
+
+// The frame's own bytes, kept alive by a reference that ZeroMQ drops when they are on the wire.
+zmq::message_t zero_copy(const Bytes& bytes) {
+  if (!bytes || bytes->empty()) return zmq::message_t();
+  auto* reference = new Bytes(bytes);
+  return zmq::message_t(
+      const_cast<std::byte*>(bytes->data()), bytes->size(),
+      [](void*, void* hint) { delete static_cast<Bytes*>(hint); }, reference);
+}
+
+Bytes copy_of(const zmq::message_t& part) {
+  const auto* first = part.data<std::byte>();
+  return std::make_shared<const std::vector<std::byte>>(first, first + part.size());
+}
+
+std::string role_of(zmq::message_t& part) {
+  const char* user = zmq_msg_gets(part.handle(), "User-Id");
+  return user ? user : "local";
+}
+
+}  // namespace
+
+Socket::Socket(Bus& bus, zmq::socket_type type, const SocketOptions& options)
+    : bus_(bus.impl()), is_router_(type == zmq::socket_type::router), socket_(bus_.context, type) {
+  const int heartbeat_ms = static_cast<int>(options.heartbeat.count());
+  socket_.set(zmq::sockopt::linger, 0);
+  socket_.set(zmq::sockopt::sndhwm, options.queue_length);
+  socket_.set(zmq::sockopt::rcvhwm, options.queue_length);
+  socket_.set(zmq::sockopt::heartbeat_ivl, heartbeat_ms);
+  socket_.set(zmq::sockopt::heartbeat_timeout, 3 * heartbeat_ms);
+  socket_.set(zmq::sockopt::heartbeat_ttl, 3 * heartbeat_ms);
+  socket_.set(zmq::sockopt::reconnect_ivl, 100);
+  socket_.set(zmq::sockopt::reconnect_ivl_max, 1000);
+  socket_.set(zmq::sockopt::maxmsgsize, static_cast<std::int64_t>(kMaxFrameBytes));
+  if (is_router_) {
+    socket_.set(zmq::sockopt::router_mandatory, true);  // a lost peer is an error, not a silent drop
+    socket_.set(zmq::sockopt::router_handover, true);   // a peer that reconnects keeps its name
+  }
+}
+
+void Socket::be_server() {
+  if (!bus_.keys) return;
+  socket_.set(zmq::sockopt::curve_server, true);
+  socket_.set(zmq::sockopt::curve_secretkey, bus_.keys->of("dispatcher").secret_key);
+  socket_.set(zmq::sockopt::zap_domain, std::string(kDomain));
+}
+
+void Socket::be_client(const std::string& role) {
+  if (!bus_.keys) return;
+  const KeyPair& own = bus_.keys->of(role);
+  socket_.set(zmq::sockopt::curve_publickey, own.public_key);
+  socket_.set(zmq::sockopt::curve_secretkey, own.secret_key);
+  socket_.set(zmq::sockopt::curve_serverkey, bus_.keys->dispatcher_public_key());
+}
+
+Result<> Socket::check_endpoint(const std::string& endpoint) const {
+  if (is_inproc(endpoint) || bus_.keys) return {};
+  return invalid_input(concat("endpoint ", endpoint), "only inproc:// works without keys",
+                       "name a key directory with --keys");
+}
+
+Result<> Socket::bind(const std::string& endpoint) {
+  if (auto ok = check_endpoint(endpoint); !ok) return ok;
+  try {
+    socket_.bind(endpoint);
+    endpoint_ = socket_.get(zmq::sockopt::last_endpoint);
+    return {};
+  } catch (const zmq::error_t& error) {
+    if (error.num() == EADDRINUSE)
+      return unavailable(concat("endpoint ", endpoint), "another program is using it",
+                         "stop that program or choose another endpoint");
+    return invalid_input(concat("endpoint ", endpoint), error.what(),
+                         "use e.g. tcp://127.0.0.1:27600 or inproc://dispatcher");
+  }
+}
+
+Result<> Socket::connect(const std::string& endpoint) {
+  if (auto ok = check_endpoint(endpoint); !ok) return ok;
+  try {
+    socket_.connect(endpoint);
+    endpoint_ = endpoint;
+    return {};
+  } catch (const zmq::error_t& error) {
+    return invalid_input(concat("endpoint ", endpoint), error.what(), "use e.g. tcp://127.0.0.1:27600");
+  }
+}
+
+bool Socket::send(const std::string& peer, const Message& message, std::uint64_t request) {
+  const std::string header = encode(message, request);
+  const FrameSet* set = frame_set_of(message);
+  const std::size_t frames = set ? set->frames.size() : 0;
+  const auto flags = [](bool more) {
+    return more ? zmq::send_flags::dontwait | zmq::send_flags::sndmore : zmq::send_flags::dontwait;
+  };
+  try {
+    // Only the first part can be refused: ZeroMQ takes a message as a whole.
+    if (is_router_ && !socket_.send(zmq::buffer(peer), flags(true))) return false;
+    if (!socket_.send(zmq::buffer(header), flags(frames > 0))) return false;
+    for (std::size_t i = 0; i < frames; ++i) {
+      if (!socket_.send(zero_copy(set->frames[i].bytes), flags(i + 1 < frames))) return false;
+    }
+    return true;
+  } catch (const zmq::error_t&) {
+    return false;  // EHOSTUNREACH: the peer is gone. ETERM: the bus closes.
+  }
+}
+
+bool Socket::wait_readable(std::chrono::milliseconds timeout) {
+  zmq::pollitem_t item{socket_.handle(), 0, ZMQ_POLLIN, 0};
+  return zmq::poll(&item, 1, timeout) > 0;
+}
+
+std::optional<Delivery> Socket::receive(std::chrono::milliseconds timeout) {
+  std::vector<zmq::message_t> parts;
+  try {
+    if (!wait_readable(timeout)) return std::nullopt;
+    bool more = true;
+    while (more) {
+      zmq::message_t part;
+      if (!socket_.recv(part, zmq::recv_flags::dontwait)) return std::nullopt;
+      more = part.more();
+      if (parts.size() <= kMaxParts) parts.push_back(std::move(part));
+    }
+  } catch (const zmq::error_t&) {
+    return std::nullopt;  // EINTR or ETERM
+  }
+  Delivery delivery;
+  std::size_t next = 0;
+  if (is_router_) delivery.peer = parts[next++].to_string();
+  if (next == parts.size()) {
+    delivery.message = invalid_input("message on the bus", "it has no header", "drop it");
+    return delivery;
+  }
+  zmq::message_t& header = parts[next++];
+  delivery.role = role_of(header);
+  auto envelope = decode(std::span(header.data<std::byte>(), header.size()));
+  if (!envelope) {
+    delivery.message = tl::unexpected(envelope.error());
+    return delivery;
+  }
+  delivery.request = envelope->request;
+  delivery.message = std::move(envelope->message);
+  FrameSet* set = frame_set_of(*delivery.message);
+  if (parts.size() == next && !set) return delivery;
+  std::vector<Bytes> pixels;
+  for (; next < parts.size(); ++next) pixels.push_back(copy_of(parts[next]));
+  FrameSet none;
+  if (auto ok = attach_frames(set ? *set : none, std::move(pixels)); !ok)
+    delivery.message = tl::unexpected(ok.error());
+  return delivery;
+}
+
+}  // namespace flamefield

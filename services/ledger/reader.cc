@@ -1,0 +1,277 @@
+#include "services/ledger/reader.h"
+
+#include <algorithm>
+
+#include "services/ledger/database.h"
+#include "services/ledger/ledger.h"
+#include "services/ledger/schema.h"
+
+namespace flamefield {
+
+struct LedgerReader::Impl {
+  explicit Impl(const std::string& file) : database(file, SQLite::OPEN_READONLY, 5000), sql(database) {}
+  SQLite::Database database;
+  Statements sql;
+};
+
+LedgerReader::LedgerReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+LedgerReader::LedgerReader(LedgerReader&&) noexcept = default;
+LedgerReader::~LedgerReader() = default;
+
+Result<LedgerReader> LedgerReader::open(const std::filesystem::path& directory) {
+  const std::string file = ledger_path(directory).string();
+  if (!std::filesystem::exists(file))
+    return not_found(concat("ledger ", file), "no such file",
+                     "has anything been captured in this directory?");
+  try {
+    auto impl = std::make_unique<Impl>(file);
+    if (impl->database.execAndGet("PRAGMA user_version").getInt() != newest_schema_version())
+      return invalid_input(concat("ledger ", file), "it is of another version than this program",
+                           "start the dispatcher once to migrate it");
+    return LedgerReader(std::move(impl));
+  } catch (const SQLite::Exception& exception) {
+    return tl::unexpected(error_of(exception, file));
+  }
+}
+
+namespace {
+
+PutCapture capture_of(SQLite::Statement& row) {
+  PutCapture capture;
+  capture.id = row.getColumn(0).getString();
+  capture.kind = capture_kind_from_name(row.getColumn(1).getString()).value_or(CaptureKind::Burst);
+  capture.started_time_ns = row.getColumn(2).getInt64();
+  capture.finished_time_ns = row.getColumn(3).getInt64();
+  capture.pulses = row.getColumn(4).getInt64();
+  std::istringstream names(row.getColumn(5).getString());
+  for (std::string name; names >> name;) capture.cameras.push_back(name);
+  return capture;
+}
+
+JobState state_of(const std::string& name) {
+  for (JobState state : {JobState::Queued, JobState::Leased, JobState::Done}) {
+    if (name_of(state) == name) return state;
+  }
+  return JobState::Failed;
+}
+
+tl::unexpected<Error> unknown(std::string_view what, const std::string& id) {
+  return not_found(concat(what, ' ', id), "it is not in the ledger", "list what there is");
+}
+
+}  // namespace
+
+Result<std::vector<CaptureRow>> LedgerReader::captures() {
+  return guarded(impl_->database, [&]() -> Result<std::vector<CaptureRow>> {
+    std::vector<CaptureRow> rows;
+    auto& row = impl_->sql(
+        "SELECT c.id, kind, started_time_ns, finished_time_ns, pulses, cameras, count(s.id), "
+        "coalesce(sum(s.frames), 0), coalesce(sum(s.losses), 0) FROM captures c LEFT JOIN sets s "
+        "ON s.capture = c.id GROUP BY c.id ORDER BY started_time_ns, c.id");
+    while (row.executeStep())
+      rows.push_back({capture_of(row), row.getColumn(6).getInt64(), row.getColumn(7).getInt64(),
+                      row.getColumn(8).getInt64()});
+    row.reset();
+    return rows;
+  });
+}
+
+Result<std::vector<SetRow>> LedgerReader::sets(const std::string& capture) {
+  return guarded(impl_->database, [&]() -> Result<std::vector<SetRow>> {
+    std::vector<SetRow> rows;
+    auto& row = impl_->sql(
+        "SELECT idx, pulse, pulse_time_ns, complete_time_ns, stored_time_ns, frames, losses FROM sets "
+        "WHERE capture = ?1 ORDER BY idx",
+        capture);
+    const auto integer = [&](int column) { return row.getColumn(column).getInt64(); };
+    while (row.executeStep())
+      rows.push_back(
+          {{capture, integer(0)}, integer(1), integer(2), integer(3), integer(4), integer(5), integer(6)});
+    row.reset();
+    return rows;
+  });
+}
+
+namespace {
+
+// Columns: record, committed_time_ns.
+Result<std::vector<RunRow>> read_runs(SQLite::Statement& row, Statements& sql) {
+  std::vector<RunRow> rows;
+  while (row.executeStep()) {
+    auto record = record_of<Finish>(row.getColumn(0));
+    if (!record) return tl::unexpected(record.error());
+    rows.push_back({std::move(record->run), row.getColumn(1).getInt64()});
+  }
+  row.reset();
+  for (RunRow& run : rows) {
+    auto& metric = sql("SELECT name, value FROM run_metrics WHERE run_id = ?1", run.run.id);
+    while (metric.executeStep())
+      run.run.metrics[metric.getColumn(0).getString()] = metric.getColumn(1).getDouble();
+    metric.reset();
+  }
+  return rows;
+}
+
+}  // namespace
+
+Result<std::vector<RunRow>> LedgerReader::runs(const RunFilter& filter) {
+  return guarded(impl_->database, [&]() -> Result<std::vector<RunRow>> {
+    auto& row = impl_->sql(
+        "SELECT record, committed_time_ns FROM (SELECT * FROM runs WHERE (?1 = '' OR capture = ?1) AND "
+        "(?2 = '' OR rig_id = ?2) AND (?3 = '' OR solver = ?3) AND finished_time_ns >= ?4 AND "
+        "(?5 IS NULL OR inputs = ?5) ORDER BY committed_time_ns DESC LIMIT ?6) "
+        "ORDER BY capture, first_idx, inputs, committed_time_ns",
+        filter.capture, filter.rig_id, filter.solver, filter.since_ns, filter.inputs, filter.limit);
+    return read_runs(row, impl_->sql);
+  });
+}
+
+Result<RunRow> LedgerReader::run(const std::string& run_id) {
+  return guarded(impl_->database, [&]() -> Result<RunRow> {
+    auto rows =
+        read_runs(impl_->sql("SELECT record, committed_time_ns FROM runs WHERE id = ?1", run_id), impl_->sql);
+    if (!rows) return tl::unexpected(rows.error());
+    if (rows->empty()) return unknown("run", run_id);
+    return std::move(rows->front());
+  });
+}
+
+Result<std::vector<JobRow>> LedgerReader::jobs(std::optional<JobState> state) {
+  return guarded(impl_->database, [&]() -> Result<std::vector<JobRow>> {
+    std::vector<JobRow> rows;
+    auto& row = impl_->sql(
+        "SELECT id, run_id, state, attempt, worker, reason FROM jobs WHERE ?1 IS NULL OR state = ?1 ORDER BY "
+        "id",
+        state ? std::optional(name_of(*state)) : std::nullopt);
+    while (row.executeStep())
+      rows.push_back({row.getColumn(0).getInt64(), row.getColumn(1).getString(),
+                      state_of(row.getColumn(2).getString()), row.getColumn(3).getInt(),
+                      row.getColumn(4).getString(), row.getColumn(5).getString()});
+    row.reset();
+    return rows;
+  });
+}
+
+Result<Rig> LedgerReader::rig(const std::string& rig_id) {
+  return guarded(impl_->database, [&]() -> Result<Rig> {
+    auto& row = impl_->sql("SELECT record FROM rigs WHERE id = ?1", rig_id);
+    if (!row.executeStep()) return unknown("rig", rig_id);
+    auto record = record_of<PutRig>(row.getColumn(0));
+    row.reset();
+    if (!record) return tl::unexpected(record.error());
+    return std::move(record->rig);
+  });
+}
+
+Result<std::vector<Event>> LedgerReader::events(std::int64_t limit) {
+  return guarded(impl_->database, [&]() -> Result<std::vector<Event>> {
+    std::vector<Event> events;
+    auto& row =
+        impl_->sql("SELECT time_ns, kind, subject, text FROM events ORDER BY id DESC LIMIT ?1", limit);
+    while (row.executeStep())
+      events.push_back({row.getColumn(0).getInt64(), row.getColumn(1).getString(),
+                        row.getColumn(2).getString(), row.getColumn(3).getString()});
+    row.reset();
+    return events;
+  });
+}
+
+// --- receipt
+
+bool Receipt::CameraLine::balances() const {
+  std::int64_t lost = 0;
+  for (const auto& [cause, count] : losses) lost += count;
+  return pulses == frames + lost;
+}
+
+bool Receipt::balances() const {
+  const bool cameras_balance =
+      std::all_of(cameras.begin(), cameras.end(), [](const CameraLine& line) { return line.balances(); });
+  return cameras_balance && sets == volumes + failed + pending + not_asked;
+}
+
+namespace {
+
+// Pulses that a camera had to deliver: what the array counted once the capture is over, else the sets so far.
+void read_cameras(Receipt& receipt, Statements& sql) {
+  const bool finished = receipt.capture.finished_time_ns != 0 && receipt.capture.pulses > 0;
+  const std::int64_t pulses = finished ? receipt.capture.pulses : receipt.sets;
+  std::map<std::string, Receipt::CameraLine> lines;
+  for (const std::string& camera : receipt.capture.cameras) lines[camera];
+  auto& row =
+      sql("SELECT camera, loss, count(*) FROM frames JOIN sets ON sets.id = set_id WHERE capture = ?1 "
+          "GROUP BY camera, loss",
+          receipt.capture.id);
+  while (row.executeStep()) {
+    Receipt::CameraLine& line = lines[row.getColumn(0).getString()];
+    const std::int64_t count = row.getColumn(2).getInt64();
+    if (row.getColumn(1).isNull())
+      line.frames = count;
+    else
+      line.losses[row.getColumn(1).getString()] = count;
+  }
+  row.reset();
+  for (auto& [camera, line] : lines) {
+    line.camera = camera;
+    line.pulses = pulses;
+    receipt.cameras.push_back(line);
+  }
+}
+
+// Each set counts once, by the best that became of its own jobs.
+void read_sets(Receipt& receipt, Statements& sql) {
+  auto& row =
+      sql("SELECT coalesce(max(CASE j.state WHEN 'done' THEN 3 WHEN 'failed' THEN 1 ELSE 2 END), 0) "
+          "FROM sets s LEFT JOIN job_inputs i ON i.set_id = s.id LEFT JOIN jobs j ON j.id = i.job_id AND "
+          "(SELECT count(*) FROM job_inputs o WHERE o.job_id = j.id) = 1 "
+          "WHERE s.capture = ?1 GROUP BY s.id",
+          receipt.capture.id);
+  while (row.executeStep()) {
+    ++receipt.sets;
+    switch (row.getColumn(0).getInt()) {
+      case 3:
+        ++receipt.volumes;
+        break;
+      case 2:
+        ++receipt.pending;
+        break;
+      case 1:
+        ++receipt.failed;
+        break;
+      default:
+        ++receipt.not_asked;
+    }
+  }
+  row.reset();
+}
+
+}  // namespace
+
+Result<Receipt> LedgerReader::receipt(const std::string& capture) {
+  return guarded(impl_->database, [&]() -> Result<Receipt> {
+    SQLite::Transaction snapshot(impl_->database);  // all counts from one moment
+    Receipt receipt;
+    auto& row = impl_->sql(
+        "SELECT id, kind, started_time_ns, finished_time_ns, pulses, cameras FROM captures WHERE id = ?1",
+        capture);
+    if (!row.executeStep()) return unknown("capture", capture);
+    receipt.capture = capture_of(row);
+    row.reset();
+    read_sets(receipt, impl_->sql);
+    read_cameras(receipt, impl_->sql);
+    auto& failed = impl_->sql(
+        "SELECT DISTINCT run_id, reason FROM jobs j JOIN job_inputs i ON i.job_id = j.id JOIN sets s ON s.id "
+        "= "
+        "i.set_id WHERE s.capture = ?1 AND j.state = 'failed' ORDER BY j.id",
+        capture);
+    while (failed.executeStep())
+      receipt.failures.push_back({failed.getColumn(0).getString(), failed.getColumn(1).getString()});
+    failed.reset();
+    auto& combined = impl_->sql("SELECT count(*) FROM runs WHERE capture = ?1 AND inputs > 1", capture);
+    if (combined.executeStep()) receipt.combined_volumes = combined.getColumn(0).getInt64();
+    combined.reset();
+    return receipt;
+  });
+}
+
+}  // namespace flamefield

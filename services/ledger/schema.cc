@@ -1,0 +1,160 @@
+#include "services/ledger/schema.h"
+
+#include <SQLiteCpp/Database.h>
+#include <SQLiteCpp/Transaction.h>
+
+#include <array>
+#include <string>
+
+namespace flamefield {
+
+namespace {
+
+// Entry i leads from user_version i to i + 1. Entries are never changed, only added.
+// `record` columns hold the exact protobuf message; the other columns are for questions.
+constexpr std::array kMigrations = {R"sql(
+CREATE TABLE captures(
+  id TEXT PRIMARY KEY,
+  kind TEXT NOT NULL CHECK(kind IN ('dark', 'background', 'flat', 'board', 'burst', 'live')),
+  started_time_ns INTEGER NOT NULL,
+  finished_time_ns INTEGER NOT NULL DEFAULT 0,     -- 0: still running
+  pulses INTEGER NOT NULL DEFAULT 0,               -- trigger pulses that the array saw
+  cameras TEXT NOT NULL DEFAULT ''                 -- names, joined by blanks
+) STRICT;
+
+CREATE TABLE sets(
+  id INTEGER PRIMARY KEY,
+  capture TEXT NOT NULL REFERENCES captures(id),
+  idx INTEGER NOT NULL CHECK(idx >= 0),            -- number in the capture, from 0
+  pulse INTEGER NOT NULL,
+  pulse_time_ns INTEGER NOT NULL,
+  complete_time_ns INTEGER NOT NULL,
+  stored_time_ns INTEGER NOT NULL,
+  segment INTEGER NOT NULL,                        -- where it lies in the spool
+  byte_offset INTEGER NOT NULL,
+  byte_length INTEGER NOT NULL,
+  frames INTEGER NOT NULL,
+  losses INTEGER NOT NULL,
+  UNIQUE(capture, idx)
+) STRICT;
+CREATE INDEX sets_by_place ON sets(segment, byte_offset);
+
+CREATE TABLE frames(                               -- one row per camera and set: a frame or a named loss
+  set_id INTEGER NOT NULL REFERENCES sets(id),
+  camera TEXT NOT NULL,
+  loss TEXT CHECK(loss IN ('missed', 'incomplete', 'late', 'duplicate', 'camera-lost', 'no-buffer')),
+  PRIMARY KEY(set_id, camera)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE rigs(
+  id TEXT PRIMARY KEY,                             -- fingerprint of the geometry
+  stored_time_ns INTEGER NOT NULL,
+  cameras INTEGER NOT NULL,
+  rms_px REAL,                                     -- NULL: not from a calibration
+  record BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE recipes(
+  id TEXT PRIMARY KEY,                             -- fingerprint
+  solver TEXT NOT NULL,
+  settings TEXT NOT NULL                           -- "table.key=value", one a line
+) STRICT;
+
+CREATE TABLE live_plan(only_one INTEGER PRIMARY KEY CHECK(only_one = 1), record BLOB NOT NULL) STRICT;
+
+CREATE TABLE jobs(
+  id INTEGER PRIMARY KEY,
+  run_id TEXT NOT NULL,
+  inputs_hash TEXT NOT NULL,
+  recipe_hash TEXT NOT NULL,                       -- recipe and grid
+  rig_id TEXT NOT NULL REFERENCES rigs(id),
+  program_version TEXT NOT NULL,
+  recipe_id TEXT NOT NULL REFERENCES recipes(id),
+  priority INTEGER NOT NULL,                       -- larger first
+  state TEXT NOT NULL CHECK(state IN ('queued', 'leased', 'done', 'failed')),
+  attempt INTEGER NOT NULL DEFAULT 0,
+  lease_token INTEGER NOT NULL DEFAULT 0,          -- grows over all jobs, is never given twice
+  lease_deadline_ns INTEGER NOT NULL DEFAULT 0,
+  not_before_ns INTEGER NOT NULL DEFAULT 0,        -- back-off after a failure
+  worker TEXT NOT NULL DEFAULT '',
+  reason TEXT NOT NULL DEFAULT '',                 -- of the last failure
+  created_time_ns INTEGER NOT NULL,
+  leased_time_ns INTEGER NOT NULL DEFAULT 0,
+  record BLOB NOT NULL
+) STRICT;
+CREATE UNIQUE INDEX jobs_identity ON jobs(inputs_hash, recipe_hash, rig_id, program_version) WHERE state <> 'failed';
+CREATE INDEX jobs_in_line ON jobs(state, priority DESC, id);
+CREATE INDEX jobs_by_token ON jobs(lease_token);
+
+CREATE TABLE job_inputs(
+  job_id INTEGER NOT NULL REFERENCES jobs(id),
+  set_id INTEGER NOT NULL REFERENCES sets(id),
+  PRIMARY KEY(job_id, set_id)
+) STRICT, WITHOUT ROWID;
+CREATE INDEX job_inputs_by_set ON job_inputs(set_id);
+
+CREATE TABLE runs(
+  id TEXT PRIMARY KEY,
+  job_id INTEGER NOT NULL UNIQUE REFERENCES jobs(id),
+  inputs_hash TEXT NOT NULL,
+  recipe_hash TEXT NOT NULL,
+  rig_id TEXT NOT NULL REFERENCES rigs(id),
+  program_version TEXT NOT NULL,
+  capture TEXT NOT NULL,                           -- of the first input
+  first_idx INTEGER NOT NULL,
+  inputs INTEGER NOT NULL,
+  solver TEXT NOT NULL,
+  worker TEXT NOT NULL,
+  volume_path TEXT NOT NULL,
+  volume_bytes INTEGER NOT NULL,
+  volume_fingerprint TEXT NOT NULL,
+  iterations INTEGER NOT NULL,
+  residual REAL NOT NULL,
+  started_time_ns INTEGER NOT NULL,
+  finished_time_ns INTEGER NOT NULL,
+  committed_time_ns INTEGER NOT NULL,
+  queue_s REAL NOT NULL,
+  fetch_s REAL NOT NULL,
+  prepare_s REAL NOT NULL,
+  solve_s REAL NOT NULL,
+  write_s REAL NOT NULL,
+  record BLOB NOT NULL,
+  UNIQUE(inputs_hash, recipe_hash, rig_id, program_version)
+) STRICT;
+CREATE INDEX runs_by_capture ON runs(capture, first_idx);
+
+CREATE TABLE run_metrics(
+  run_id TEXT NOT NULL REFERENCES runs(id),
+  name TEXT NOT NULL,
+  value REAL NOT NULL,
+  PRIMARY KEY(run_id, name)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE events(
+  id INTEGER PRIMARY KEY,
+  time_ns INTEGER NOT NULL,
+  kind TEXT NOT NULL,
+  subject TEXT NOT NULL,
+  text TEXT NOT NULL
+) STRICT;
+)sql"};
+
+}  // namespace
+
+int newest_schema_version() {
+  return static_cast<int>(kMigrations.size());
+}
+
+bool migrate(SQLite::Database& database) {
+  int version = database.execAndGet("PRAGMA user_version").getInt();
+  if (version > newest_schema_version()) return false;
+  for (; version < newest_schema_version(); ++version) {
+    SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
+    database.exec(kMigrations[static_cast<std::size_t>(version)]);
+    database.exec("PRAGMA user_version = " + std::to_string(version + 1));
+    transaction.commit();
+  }
+  return true;
+}
+
+}  // namespace flamefield

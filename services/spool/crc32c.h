@@ -1,0 +1,12 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+namespace flamefield {
+
+// CRC-32C (Castagnoli, RFC 3720 appendix B.4). Pass the last value to go on with more bytes.
+std::uint32_t crc32c(std::span<const std::byte> bytes, std::uint32_t crc = 0);
+
+}  // namespace flamefield

@@ -1,0 +1,176 @@
+#include "services/worker/worker.h"
+
+#include <atomic>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "proto/version.h"
+#include "services/bus/client.h"
+#include "services/log/log.h"
+
+namespace flamefield {
+
+namespace {
+
+constexpr std::chrono::milliseconds kTick{20};
+
+// Every set over a connection of its own, so that heartbeats never wait behind pixels.
+Result<std::vector<FrameSet>> fetch_sets(Client& client, std::span<const SetId> ids, std::stop_token stop,
+                                         std::chrono::milliseconds patience) {
+  std::vector<FrameSet> sets;
+  for (const SetId& id : ids) {
+    if (stop.stop_requested()) return unavailable("fetching of sets", "asked to stop", "");
+    auto data = client.ask_for<SetData>(FetchSet{id}, patience);
+    if (!data) return tl::unexpected(data.error());
+    sets.push_back(std::move(data->set));
+  }
+  return sets;
+}
+
+void remove_staged(const std::filesystem::path& data_dir, const Run& run, std::int64_t token) {
+  std::error_code problem;
+  for (const std::string& path : {run.volume_path, run.projections_path}) {
+    if (!path.empty()) std::filesystem::remove(data_dir / staged_path(path, token), problem);
+  }
+}
+
+}  // namespace
+
+// One connection to the dispatcher, and the job in hand.
+class Worker::Session {
+ public:
+  Session(Worker& worker, Client talk, Client data)
+      : options_(worker.options_), step_(worker.step_), talk_(std::move(talk)), data_(std::move(data)) {}
+
+  Result<> run(std::stop_token stop);
+
+ private:
+  Result<std::optional<Lease>> wait_for_lease(std::stop_token stop);
+  void work_on(const Lease& lease, std::stop_token stop);
+  Result<Run> attempt(const Lease& lease, std::stop_token stop);
+  void keep_alive();
+  void hand_in(const Lease& lease, const Result<Run>& run);
+
+  const WorkerOptions& options_;
+  const JobStep& step_;
+  Client talk_, data_;
+  std::mutex mutex_;  // of progress_
+  Progress progress_;
+  bool lease_lost_ = false;
+};
+
+Worker::Worker(Bus& bus, const WorkerOptions& options, JobStep step)
+    : bus_(bus), options_(options), step_(std::move(step)) {
+  if (options_.name.empty()) options_.name = unique_name("worker");
+}
+
+Result<> Worker::run(std::stop_token stop) {
+  auto talk = Client::connect(bus_, "worker", options_.name, options_.endpoint);
+  if (!talk) return tl::unexpected(talk.error());
+  auto data = Client::connect(bus_, "worker", options_.name + ".data", options_.endpoint);
+  if (!data) return tl::unexpected(data.error());
+  return Session(*this, std::move(*talk), std::move(*data)).run(stop);
+}
+
+Result<> Worker::Session::run(std::stop_token stop) {
+  while (!stop.stop_requested()) {
+    const auto lease = wait_for_lease(stop);
+    if (!lease) return tl::unexpected(lease.error());
+    if (*lease) work_on(**lease, stop);
+  }
+  return {};
+}
+
+// One Ready is one credit. It is repeated while idle, since a restarted dispatcher knows nobody.
+Result<std::optional<Lease>> Worker::Session::wait_for_lease(std::stop_token stop) {
+  (void)talk_.tell(Ready{options_.name, std::string(program_version()), options_.threads});
+  const auto again = std::chrono::steady_clock::now() + options_.heartbeat;
+  while (!stop.stop_requested() && std::chrono::steady_clock::now() < again) {
+    auto message = talk_.next(kTick);
+    if (!message) continue;
+    if (auto* lease = std::get_if<Lease>(&*message)) return std::optional(std::move(*lease));
+    if (auto* no = std::get_if<Rejected>(&*message)) return tl::unexpected(no->error);
+  }
+  return std::optional<Lease>();
+}
+
+void Worker::Session::work_on(const Lease& lease, std::stop_token stop) {
+  progress_ = Progress{lease.token, lease.job.run_id, "fetch", 0, 0, 0, 0};
+  lease_lost_ = false;
+  std::stop_source job_stop;
+  const std::stop_callback pass_on(stop, [&] { job_stop.request_stop(); });
+  Result<Run> result = unavailable("job", "not started", "");
+  std::atomic<bool> finished = false;
+  std::jthread job([&] {
+    result = attempt(lease, job_stop.get_token());
+    finished = true;
+  });
+  auto next_beat = std::chrono::steady_clock::now() + options_.heartbeat;
+  while (!finished) {
+    if (auto message = talk_.next(kTick)) {
+      const auto* lost = std::get_if<LeaseLost>(&*message);
+      if (lost && lost->token == lease.token) {
+        lease_lost_ = true;
+        job_stop.request_stop();
+      }
+    }
+    if (std::chrono::steady_clock::now() < next_beat) continue;
+    keep_alive();
+    next_beat = std::chrono::steady_clock::now() + options_.heartbeat;
+  }
+  job.join();
+  hand_in(lease, result);
+}
+
+void Worker::Session::keep_alive() {
+  const std::lock_guard lock(mutex_);
+  (void)talk_.tell(Heartbeat{progress_});
+}
+
+Result<Run> Worker::Session::attempt(const Lease& lease, std::stop_token stop) {
+  JobContext context{
+      lease, options_.name,
+      [&](std::span<const SetId> ids) { return fetch_sets(data_, ids, stop, options_.patience); },
+      [&](const Progress& progress) {
+        const std::lock_guard lock(mutex_);
+        progress_ = progress;
+        progress_.token = lease.token;
+        progress_.run_id = lease.job.run_id;
+      },
+      stop};
+  // A step that throws must not take the worker, or the job, with it.
+  try {
+    return step_(context);
+  } catch (const std::bad_alloc&) {
+    return unavailable(concat("run ", lease.job.run_id), "out of memory",
+                       "use a smaller grid or more memory");
+  } catch (const std::exception& problem) {
+    return invalid_input(concat("run ", lease.job.run_id), problem.what(), "report this as a defect");
+  }
+}
+
+// The dispatcher may be away for a moment: the result is offered until it answers or patience ends.
+void Worker::Session::hand_in(const Lease& lease, const Result<Run>& run) {
+  const auto give_up = std::chrono::steady_clock::now() + options_.patience;
+  Message message = Accepted{};
+  if (run)
+    message = Finish{lease.token, *run};
+  else
+    message = Fail{lease.token, run.error()};
+  Result<Message> answer = unavailable("result", "the lease was lost", "drop it");
+  while (!lease_lost_ && std::chrono::steady_clock::now() < give_up) {
+    answer = talk_.ask(message, std::min(options_.patience, std::chrono::milliseconds(2'000)));
+    if (answer || answer.error().code != ErrorCode::Unavailable) break;
+  }
+  const char* event = run && answer ? "job-finished" : run ? "result-dropped" : "job-given-back";
+  log_event(run && answer ? LogLevel::Info : LogLevel::Warning, event,
+            {{"run", lease.job.run_id},
+             {"token", lease.token},
+             {"why", !run      ? run.error().message
+                     : !answer ? answer.error().message
+                               : std::string()}});
+  if (run && !answer) remove_staged(options_.data_dir, *run, lease.token);
+}
+
+}  // namespace flamefield

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <chrono>
+#include <filesystem>
+#include <functional>
+#include <span>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "proto/job.h"
+#include "services/bus/bus.h"
+
+namespace flamefield {
+
+// What a job sees of the world. Called on the worker's job thread.
+struct JobContext {
+  const Lease& lease;
+  std::string worker;
+  std::function<Result<std::vector<FrameSet>>(std::span<const SetId>)> fetch;  // with pixels
+  std::function<void(const Progress&)> progress;  // cheap; token and run id are filled in
+  std::stop_token stop;                           // the lease is lost, or the worker stops
+};
+
+// Makes the run's files under staged_path(run.volume_path, token) and returns its record. Unavailable errors
+// are tried again by some worker, others are final.
+using JobStep = std::function<Result<Run>(const JobContext&)>;
+
+struct WorkerOptions {
+  std::string endpoint = "inproc://dispatcher";
+  std::string name;  // empty: made from host and process
+  std::filesystem::path data_dir;
+  int threads = 0;                             // told to the dispatcher
+  std::chrono::milliseconds heartbeat{1'000};  // well below a third of the lease
+  std::chrono::milliseconds patience{30'000};  // for answers of the dispatcher
+};
+
+// Pulls one job at a time and keeps its lease alive while the step works on it.
+class Worker {
+ public:
+  Worker(Bus& bus, const WorkerOptions& options, JobStep step);
+
+  // Until asked to stop; then the job at hand is given back at once. An error only when the dispatcher
+  // refuses this worker (other version), or the endpoint is malformed.
+  Result<> run(std::stop_token stop);
+
+ private:
+  class Session;
+  Bus& bus_;
+  WorkerOptions options_;
+  JobStep step_;
+};
+
+}  // namespace flamefield

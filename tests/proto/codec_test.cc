@@ -1,0 +1,254 @@
+#include "proto/codec.h"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <random>
+
+namespace flamefield {
+namespace {
+
+std::span<const std::byte> bytes_of(const std::string& text) {
+  return std::as_bytes(std::span(text));
+}
+
+FrameSet small_set() {
+  FrameSet set;
+  set.capture = "20260301T101500-burst";
+  set.pulse = 12;
+  set.index = 3;
+  set.pulse_time_ns = 1'700'000'000'000'000'000;
+  set.complete_time_ns = set.pulse_time_ns + 5'000'000;
+  for (const char* name : {"cam00", "cam01"}) {
+    Frame frame{name, 12, 77, 1'700'000'000'000'000'100, 900, 4, 3, PixelFormat::Mono12, nullptr};
+    frame.bytes = std::make_shared<const std::vector<std::byte>>(24, std::byte{7});
+    set.frames.push_back(frame);
+  }
+  set.losses.push_back({"cam02", LossCause::Incomplete});
+  return set;
+}
+
+Rig small_rig() {
+  Rig rig;
+  for (const char* name : {"cam00", "cam01"}) {
+    Camera camera;
+    camera.name = name;
+    camera.image_width_px = 4;
+    camera.image_height_px = 3;
+    camera.fx_px = camera.fy_px = 10.25;
+    camera.distortion = {0.1, -0.2, 0.001, 0, 0};
+    camera.camera_from_world.translation_mm = {0, 0, 300};
+    rig.cameras.push_back(camera);
+  }
+  rig.quality = RigQuality{0.08, 20, {CameraQuality{20, 900, 4, 0.08, 0.5, 0.1, 1e-4}, CameraQuality{}}};
+  return rig;
+}
+
+Processing some_processing() {
+  Processing p;
+  p.rig_id = fingerprint(small_rig());
+  p.recipe.settings = {{"mlem.max_iterations", std::int64_t{80}},
+                       {"mlem.tolerance", 1.0},
+                       {"prepare.clip_negative", true},
+                       {"note.text", std::string("80")}};
+  p.grid = centred_grid(10, 12, 14, 0.5);
+  p.dark_capture = "dark-1";
+  return p;
+}
+
+Run some_run() {
+  Run run;
+  run.id = "burst-0003-0a1b2c3d";
+  run.job_id = 9;
+  run.inputs = {{"burst", 3}};
+  run.processing = some_processing();
+  run.volume_path = "volumes/burst-0003-0a1b2c3d.vtkhdf";
+  run.residual = 0.125;
+  run.residual_per_view = {{"cam00", 0.1}, {"cam01", 0.2}};
+  run.metrics = {{"pearson_3d", 0.97}};
+  run.provenance = {"binned by 2"};
+  run.timings = {1, 2, 3, 4, 5};
+  return run;
+}
+
+Lease some_lease() {
+  Lease lease{41, 5000, {}, small_rig()};
+  lease.job.id = 9;
+  lease.job.run_id = "burst-0003-0a1b2c3d";
+  lease.job.inputs = {{"burst", 3}, {"burst", 4}};
+  lease.job.dark = {{"dark-1", 0}};
+  lease.job.processing = some_processing();
+  lease.job.priority = Priority::Live;
+  lease.job.attempt = 2;
+  return lease;
+}
+
+std::vector<Message> one_of_each() {
+  Submit submit;
+  submit.captures = {"burst"};
+  submit.sets = {{"other", 4}};
+  submit.combine = Combine::Mean;
+  submit.processing = some_processing();
+  Status status;
+  status.workers = {{"w1", 3, 0.5}};
+  status.waiting = {{7, "no worker"}};
+  status.counters = {{"leases_expired", 2}};
+  const Error error{ErrorCode::DataLoss, "x (y) z"};
+  return {PutSet{small_set()},
+          SetStored{{"burst", 3}, true},
+          PutCapture{"burst", CaptureKind::Dark, 1, 2, 30, {"cam00"}},
+          PutRig{small_rig()},
+          RigStored{"abc"},
+          LivePlan{true, some_processing()},
+          submit,
+          Submitted{{1, 2}, {"a", "b"}, 1},
+          PutMetrics{"run", {{"a", 1.5}}},
+          GetStatus{},
+          status,
+          Ready{"worker-1", "0.1.0", 2},
+          some_lease(),
+          FetchSet{{"burst", 3}},
+          SetData{small_set()},
+          Heartbeat{{41, "run", "solve", 3, 80, 0.5, 1.5}},
+          LeaseLost{41},
+          Finish{41, some_run()},
+          Committed{"run"},
+          Fail{41, error},
+          Accepted{},
+          Rejected{error},
+          Event{5, "set-stored", "burst", "text"}};
+}
+
+TEST(Codec, EveryMessageSurvivesARoundTrip) {
+  const std::vector<Message> messages = one_of_each();
+  ASSERT_EQ(messages.size(), std::variant_size_v<Message>) << "a new message needs an example here";
+  for (std::size_t i = 0; i < messages.size(); ++i) {
+    ASSERT_EQ(messages[i].index(), i) << "keep the order of the variant";
+    const std::string once = encode(messages[i], 17);
+    const auto decoded = decode(bytes_of(once));
+    ASSERT_TRUE(decoded) << i << ": " << decoded.error().message;
+    EXPECT_EQ(decoded->request, 17u);
+    EXPECT_EQ(decoded->message.index(), i);
+    if (frame_set_of(decoded->message)) continue;  // its pixels travel beside it: next test
+    EXPECT_EQ(encode(decoded->message, 17), once) << i;
+  }
+}
+
+TEST(Codec, AFrameSetKeepsEveryFieldAndGetsItsPixelsBack) {
+  const FrameSet set = small_set();
+  auto decoded = decode(bytes_of(encode(PutSet{set})));
+  ASSERT_TRUE(decoded);
+  FrameSet* back = frame_set_of(decoded->message);
+  ASSERT_NE(back, nullptr);
+  EXPECT_EQ(back->frames[0].bytes, nullptr);
+  ASSERT_TRUE(attach_frames(*back, {set.frames[0].bytes, set.frames[1].bytes}));
+  EXPECT_EQ(encode(PutSet{*back}), encode(PutSet{set}));
+  EXPECT_EQ(back->frames[1].bytes, set.frames[1].bytes);
+}
+
+TEST(Codec, RecipeSettingsKeepTheirTypes) {
+  const auto decoded = decode(bytes_of(encode(LivePlan{true, some_processing()})));
+  ASSERT_TRUE(decoded);
+  EXPECT_EQ(std::get<LivePlan>(decoded->message).processing.recipe, some_processing().recipe);
+}
+
+TEST(Codec, PixelsOfTheWrongSizeOrNumberAreRefused) {
+  FrameSet set = small_set();
+  const Bytes good = set.frames[0].bytes;
+  const Bytes cut = std::make_shared<const std::vector<std::byte>>(23);
+  EXPECT_FALSE(attach_frames(set, {good}));
+  EXPECT_FALSE(attach_frames(set, {good, cut}));
+  EXPECT_FALSE(attach_frames(set, {good, nullptr}));
+}
+
+TEST(Codec, ValuesOutOfRangeAreRefused) {
+  const auto refused = [](const Message& message) { return !decode(bytes_of(encode(message))); };
+  FrameSet set = small_set();
+  set.capture = "../etc";
+  EXPECT_TRUE(refused(PutSet{set}));
+  set = small_set();
+  set.frames[0].width_px = 1'000'000;
+  EXPECT_TRUE(refused(PutSet{set}));
+  set = small_set();
+  set.frames[0].height_px = 4;
+  EXPECT_TRUE(refused(PutSet{set}));
+  set = small_set();
+  set.losses.resize(kMaxCameras, {"cam02", LossCause::Late});
+  EXPECT_TRUE(refused(PutSet{set}));
+
+  auto run = some_run();
+  run.residual = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_TRUE(refused(Finish{1, run}));
+  for (const char* path : {"/etc/passwd", "volumes/../../x", "", "volumes//x", "volumes/"}) {
+    run = some_run();
+    run.volume_path = path;
+    EXPECT_TRUE(refused(Finish{1, run})) << path;
+  }
+  Rig rig = small_rig();
+  rig.cameras[1].camera_from_world.rotation *= 2;
+  EXPECT_TRUE(refused(PutRig{rig}));
+  LivePlan plan{true, some_processing()};
+  plan.processing.grid.nx = 0;
+  EXPECT_TRUE(refused(plan));
+}
+
+TEST(Codec, CutMessagesNeverCrashAndDecodeOnlyToValidValues) {
+  for (const Message& message : one_of_each()) {
+    const std::string whole = encode(message, 3);
+    for (std::size_t n = 0; n < whole.size(); ++n) {
+      const auto decoded = decode(bytes_of(whole.substr(0, n)));
+      if (!decoded || frame_set_of(decoded->message)) continue;
+      EXPECT_TRUE(decode(bytes_of(encode(decoded->message))));
+    }
+  }
+}
+
+TEST(Codec, FlippedBytesNeverCrash) {
+  const unsigned seed = std::random_device()();
+  SCOPED_TRACE(concat("seed ", seed));
+  std::mt19937 random(seed);
+  for (const Message& message : one_of_each()) {
+    const std::string whole = encode(message, 3);
+    for (int round = 0; round < 400; ++round) {
+      std::string broken = whole;
+      for (int flips = 0; flips < 1 + round % 4; ++flips)
+        broken[random() % broken.size()] = static_cast<char>(random());
+      (void)decode(bytes_of(broken));
+    }
+  }
+}
+
+TEST(Codec, AHugeHeaderIsRefusedBeforeItIsParsed) {
+  EXPECT_FALSE(decode(bytes_of(std::string(kMaxHeaderBytes + 1, '\n'))));
+}
+
+TEST(Job, StagedPathKeepsTheExtension) {
+  EXPECT_EQ(staged_path("volumes/a.b.vtkhdf", 7), "volumes/a.b.part-7.vtkhdf");
+  EXPECT_EQ(staged_path("vol.umes/ab", 7), "vol.umes/ab.part-7");
+}
+
+TEST(Job, RunIdsDifferWheneverTheWorkDiffers) {
+  Job job = some_lease().job;
+  job.program_version = "0.1.0";
+  const std::string id = run_id_of(job);
+  EXPECT_TRUE(is_file_safe(id)) << id;
+  EXPECT_EQ(run_id_of(job), id);
+  Job other = job;
+  other.inputs.pop_back();
+  EXPECT_NE(run_id_of(other), id);
+  other = job;
+  other.processing.dark_capture = "dark-2";
+  EXPECT_NE(run_id_of(other), id);
+  other = job;
+  other.processing.grid.origin_mm.x() += 1;
+  EXPECT_NE(run_id_of(other), id);
+  other = job;
+  other.processing.recipe.settings["mlem.max_iterations"] = std::int64_t{81};
+  EXPECT_NE(run_id_of(other), id);
+  other = job;
+  other.program_version = "0.2.0";
+  EXPECT_NE(run_id_of(other), id);
+}
+
+}  // namespace
+}  // namespace flamefield
