@@ -221,7 +221,8 @@ void read_cameras(Receipt& receipt, Statements& sql) {
 // Each set counts once, by the best that became of its own jobs.
 void read_sets(Receipt& receipt, Statements& sql) {
   auto& row =
-      sql("SELECT coalesce(max(CASE j.state WHEN 'done' THEN 3 WHEN 'failed' THEN 1 ELSE 2 END), 0) "
+      sql("SELECT coalesce(max(CASE j.state WHEN 'done' THEN 3 WHEN 'queued' THEN 2 WHEN 'leased' THEN 2 "
+          "WHEN 'failed' THEN 1 END), 0) "
           "FROM sets s LEFT JOIN job_inputs i ON i.set_id = s.id LEFT JOIN jobs j ON j.id = i.job_id AND "
           "(SELECT count(*) FROM job_inputs o WHERE o.job_id = j.id) = 1 "
           "WHERE s.capture = ?1 GROUP BY s.id",

@@ -135,7 +135,10 @@ TEST(Spool, AFileCutShortAtAnyByteKeepsTheRecordsBefore) {
     auto spool = Spool::open({scratch.path(), 2048});
     ASSERT_TRUE(spool);
     EXPECT_EQ(spool->recovered().size(), 1u);
-    EXPECT_TRUE(spool->append(make_set("burst", 2)));
+    const auto next = spool->append(make_set("burst", 2));  // where there is room: in a new segment
+    ASSERT_TRUE(next);
+    EXPECT_EQ(next->segment, 2u);
+    std::filesystem::remove(scratch.path() / "segment-000002.raw");
   }
 }
 

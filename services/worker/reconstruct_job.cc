@@ -1,0 +1,227 @@
+#include "services/worker/reconstruct_job.h"
+
+#include <chrono>
+#include <deque>
+#include <memory>
+#include <utility>
+
+#include "proto/fingerprint.h"
+#include "proto/version.h"
+#include "reconstruct/parallel.h"
+#include "reconstruct/prepare.h"
+#include "reconstruct/solver.h"
+#include "services/store/projection_file.h"
+#include "services/store/volume_file.h"
+
+namespace flamefield {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+std::int64_t utc_now_ns() {
+  return std::chrono::duration_cast<std::chrono::nanoseconds>(
+             std::chrono::system_clock::now().time_since_epoch())
+      .count();
+}
+
+// Seconds since the last call.
+class Lap {
+ public:
+  double operator()() {
+    const auto now = Clock::now();
+    return std::chrono::duration<double>(now - std::exchange(last_, now)).count();
+  }
+
+ private:
+  Clock::time_point last_ = Clock::now();
+};
+
+// The few newest values by name.
+template <class Value>
+class Shelf {
+ public:
+  const Value* find(const std::string& key) const {
+    for (const auto& [name, value] : entries_) {
+      if (name == key) return &value;
+    }
+    return nullptr;
+  }
+  const Value& put(std::string key, Value value, std::size_t room) {
+    if (entries_.size() >= room) entries_.pop_front();
+    entries_.emplace_back(std::move(key), std::move(value));
+    return entries_.back().second;
+  }
+
+ private:
+  std::deque<std::pair<std::string, Value>> entries_;
+};
+
+struct References {
+  CameraImages dark, background, flat;
+};
+
+std::string projector_key(const Rig& rig, const Grid& grid, const ProjectorOptions& options) {
+  Processing only_grid;
+  only_grid.grid = grid;
+  return concat(fingerprint(rig), ' ', recipe_fingerprint(only_grid), ' ', options.pixel_samples, ' ',
+                options.step_voxels, ' ', options.memory_budget_mib);
+}
+
+Provenance provenance_of(const Run& run) {
+  Provenance facts = {{"run", run.id},
+                      {"solver", run.solver},
+                      {"rig", run.processing.rig_id},
+                      {"recipe", fingerprint(run.processing.recipe)},
+                      {"program_version", run.program_version},
+                      {"capture", run.inputs.at(0).capture},
+                      {"sets", std::to_string(run.inputs.size())}};
+  if (run.inputs.size() == 1) facts["set"] = std::to_string(run.inputs[0].index);
+  return facts;
+}
+
+std::string fingerprint_of(const Volume& volume) {
+  Fingerprint print;
+  print.add(std::as_bytes(std::span(volume.values)));
+  return print.text();
+}
+
+class ReconstructJob {
+ public:
+  explicit ReconstructJob(const ReconstructJobOptions& options) : options_(options), team_(options.threads) {}
+  Result<Run> operator()(const JobContext& context);
+
+ private:
+  Result<CameraImages> reference(const JobContext& context, std::span<const SetId> sets);
+  Result<Prepared> prepare_inputs(const JobContext& context, Run& run, Lap& lap);
+  Result<Reconstruction> solve(const JobContext& context, const Prepared& prepared);
+  Result<> write_files(const JobContext& context, Run& run, const Prepared& prepared, const Volume& volume);
+
+  ReconstructJobOptions options_;
+  Team team_;
+  Shelf<CameraImages> references_;
+  Shelf<std::shared_ptr<const Projector>> projectors_;
+};
+
+// Named by its sets: a capture that has grown is averaged anew.
+Result<CameraImages> ReconstructJob::reference(const JobContext& context, std::span<const SetId> sets) {
+  if (sets.empty()) return CameraImages();
+  const std::string key = concat(sets[0].capture, ' ', sets.size());
+  if (const CameraImages* known = references_.find(key)) return *known;
+  auto fetched = context.fetch(sets);
+  if (!fetched) return tl::unexpected(fetched.error());
+  auto images = mean_images(*fetched);
+  if (!images) return tl::unexpected(images.error());
+  return references_.put(key, std::move(*images), 6);
+}
+
+Result<Prepared> ReconstructJob::prepare_inputs(const JobContext& context, Run& run, Lap& lap) {
+  const Job& job = context.lease.job;
+  const auto options = prepare_options(job.processing.recipe);
+  if (!options) return tl::unexpected(options.error());
+  const auto dark = reference(context, job.dark);
+  if (!dark) return tl::unexpected(dark.error());
+  const auto background = reference(context, job.background);
+  if (!background) return tl::unexpected(background.error());
+  const auto flat = reference(context, job.flat);
+  if (!flat) return tl::unexpected(flat.error());
+  const auto sets = context.fetch(job.inputs);
+  if (!sets) return tl::unexpected(sets.error());
+  run.timings.fetch_s = lap();
+  context.progress({.token = 0, .run_id = {}, .stage = "prepare"});
+  const auto flame = mean_images(*sets);
+  if (!flame) return tl::unexpected(flame.error());
+  auto prepared =
+      prepare(*flame, *dark, *background, *flat, context.lease.rig, job.processing.grid, *options);
+  run.timings.prepare_s = lap();
+  return prepared;
+}
+
+Result<Reconstruction> ReconstructJob::solve(const JobContext& context, const Prepared& prepared) {
+  const Processing& processing = context.lease.job.processing;
+  const auto options = projector_options(processing.recipe);
+  if (!options) return tl::unexpected(options.error());
+  const std::string key = projector_key(prepared.rig, processing.grid, *options);
+  const auto* known = projectors_.find(key);
+  if (!known) {
+    auto made = Projector::make(prepared.rig, processing.grid, *options, team_);
+    if (!made) return tl::unexpected(made.error());
+    known = &projectors_.put(key, std::make_shared<const Projector>(std::move(*made)), 2);
+  }
+  SolveControl control;
+  control.threads = options_.threads;
+  control.stop = context.stop;
+  control.progress = [&](const SolverProgress& p) {
+    context.progress({.token = 0,
+                      .run_id = {},
+                      .stage = "solve",
+                      .iteration = p.iteration,
+                      .max_iterations = p.max_iterations,
+                      .residual = p.residual,
+                      .elapsed_s = p.elapsed_s});
+  };
+  return reconstruct(prepared.projections, **known, processing.recipe, control);
+}
+
+Result<> ReconstructJob::write_files(const JobContext& context, Run& run, const Prepared& prepared,
+                                     const Volume& volume) {
+  const auto staged = [&](const std::string& path) {
+    return options_.data_dir / staged_path(path, context.lease.token);
+  };
+  std::error_code problem;
+  std::filesystem::create_directories(options_.data_dir / "volumes", problem);
+  const Provenance facts = provenance_of(run);
+  if (auto ok = write_projections(staged(run.projections_path), prepared.projections, facts); !ok) return ok;
+  if (auto ok = write_volume(staged(run.volume_path), volume, facts); !ok) return ok;
+  run.volume_bytes = static_cast<std::int64_t>(std::filesystem::file_size(staged(run.volume_path), problem));
+  run.volume_fingerprint = fingerprint_of(volume);
+  return {};
+}
+
+Result<Run> ReconstructJob::operator()(const JobContext& context) {
+  const Job& job = context.lease.job;
+  Run run;
+  run.id = job.run_id;
+  run.job_id = job.id;
+  run.inputs = job.inputs;
+  run.processing = job.processing;
+  run.program_version = program_version();
+  run.worker = context.worker;
+  run.volume_path = "volumes/" + job.run_id + ".vtkhdf";
+  run.projections_path = "volumes/" + job.run_id + ".projections.nxs";
+  run.started_time_ns = utc_now_ns();
+  run.timings.queue_s = static_cast<double>(run.started_time_ns - job.created_time_ns) * 1e-9;
+
+  Lap lap;
+  const auto prepared = prepare_inputs(context, run, lap);
+  if (!prepared) return tl::unexpected(prepared.error());
+  run.provenance = prepared->provenance;
+  const auto solved = solve(context, *prepared);
+  if (!solved) return tl::unexpected(solved.error());
+  run.timings.solve_s = lap();
+  if (context.stop.stop_requested())
+    return unavailable(concat("run ", run.id), "it was stopped before it was done", "it will be done again");
+  run.solver = solved->solver;
+  run.projector_engine = solved->projector_engine;
+  run.stop_reason = name_of(solved->stop_reason);
+  run.iterations = solved->iterations;
+  run.residual = solved->residual;
+  run.voxel_updates = solved->voxel_updates;
+  for (std::size_t i = 0; i < solved->residual_per_view.size(); ++i)
+    run.residual_per_view[prepared->projections.view_names.at(i)] = solved->residual_per_view[i];
+  context.progress({.token = 0, .run_id = {}, .stage = "write"});
+  if (auto ok = write_files(context, run, *prepared, solved->volume); !ok) return tl::unexpected(ok.error());
+  run.timings.write_s = lap();
+  run.finished_time_ns = utc_now_ns();
+  return run;
+}
+
+}  // namespace
+
+JobStep make_reconstruct_step(const ReconstructJobOptions& options) {
+  return [job = std::make_shared<ReconstructJob>(options)](const JobContext& context) {
+    return (*job)(context);
+  };
+}
+
+}  // namespace flamefield
