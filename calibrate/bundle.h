@@ -25,7 +25,7 @@ struct IntrinsicsPrior {
 
 struct BundleOptions {
   IntrinsicsMode intrinsics = IntrinsicsMode::Prior;
-  IntrinsicsPrior prior;
+  IntrinsicsPrior prior = {};
   bool free_aspect = false;      // fy / fx
   bool free_tangential = false;  // p1 p2
   bool free_k3 = false;

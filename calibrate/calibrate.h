@@ -14,19 +14,19 @@
 namespace flamefield {
 
 struct CalibrationOptions {
-  std::string reference_pose;   // the board on the burner; empty: the first pose
-  Rigid3 world_from_reference;  // where that board is: the only thing that fixes the world frame
+  std::string reference_pose = {};   // the board on the burner; empty: the first pose that was seen
+  Rigid3 world_from_reference = {};  // where that board is: the only thing that fixes the world frame
   IntrinsicsMode intrinsics = IntrinsicsMode::Prior;
-  IntrinsicsPrior prior;
-  std::optional<double> focal_px;  // nominal, of every camera
-  std::vector<Camera> known;       // cameras of known intrinsics, found by name; required by Fixed
-  bool free_aspect = false;        // fy / fx
-  bool free_tangential = false;    // p1 p2
+  IntrinsicsPrior prior = {};
+  std::optional<double> focal_px = {};  // nominal, of every camera
+  std::vector<Camera> known = {};       // cameras of known intrinsics, found by name; required by Fixed
+  bool free_aspect = false;             // fy / fx
+  bool free_tangential = false;         // p1 p2
   bool free_k3 = false;
   double reject_sigmas = 4.5;     // corners further off than this many sigmas per axis are left out
   bool require_connected = true;  // false: calibrate the cameras that hang together, name the others
   bool split_half = true;         // calibrate twice more, from every other pose
-  MeasuringVolume volume;         // where errors count
+  MeasuringVolume volume = {};    // where errors count
 };
 
 // One camera's view of one pose, and what became of it.

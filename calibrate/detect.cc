@@ -6,8 +6,9 @@
 #include <mutex>
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
-#include <optional>
 #include <thread>
+
+#include "calibrate/corner_region.h"
 
 namespace flamefield {
 
@@ -100,6 +101,25 @@ bool normalise_order(const CornerGrid& grid, const cv::Mat& bytes) {
   return std::abs(contrast) > 10;
 }
 
+// Room for the outer squares and the white rim around the corners seen.
+cv::Rect with_rim(const cv::Rect& box, const cv::Size& image) {
+  const int x = box.width * 4 / 10 + 10, y = box.height * 4 / 10 + 10;
+  return cv::Rect(box.x - x, box.y - y, box.width + 2 * x, box.height + 2 * y) & cv::Rect({}, image);
+}
+
+// Empty when the board is not found. The plain search is quick; the exhaustive one finds a few more.
+std::vector<cv::Point2f> find_corners(const cv::Mat& bytes, const BoardSpec& board, const cv::Rect& region) {
+  const cv::Mat part = bytes(region);
+  const cv::Size size(board.cols, board.rows);
+  std::vector<cv::Point2f> points;
+  for (int flags : {0, cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE}) {
+    if (!cv::findChessboardCornersSB(part, size, points, flags)) continue;
+    for (cv::Point2f& point : points) point += cv::Point2f(region.tl());
+    return points;
+  }
+  return {};
+}
+
 }  // namespace
 
 Result<> validate_for_detection(const BoardSpec& board) {
@@ -127,10 +147,14 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
   const cv::Mat grey(view.image.height_px, view.image.width_px, CV_32F,
                      const_cast<float*>(view.image.pixels.data()));
   const cv::Mat bytes = to_bytes(grey, span);
-  std::vector<cv::Point2f> points;
-  if (!cv::findChessboardCornersSB(bytes, cv::Size(board.cols, board.rows), points, 0) ||
-      points.size() != board.corners()) {
-    out.reason = "board not found";
+  const CornerRegion region = corner_region(bytes);
+  if (2 * region.candidates < static_cast<int>(board.corners())) {
+    out.reason = concat("board not found: ", region.candidates, " corner-like points");
+    return out;
+  }
+  std::vector<cv::Point2f> points = find_corners(bytes, board, with_rim(region.box, bytes.size()));
+  if (points.size() != board.corners()) {
+    out.reason = "board not found: too slanted, blurred or cut off?";
     return out;
   }
   const CornerGrid grid{board, points};

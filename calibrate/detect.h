@@ -31,7 +31,7 @@ struct Detection {
 };
 
 struct DetectOptions {
-  int threads = 0;                                 // 0: all cores
+  int threads = 0;                                      // 0: all cores
   std::function<void(std::size_t done)> progress = {};  // called from the workers, one at a time
 };
 

@@ -38,21 +38,26 @@ Result<> check_view(const Detection& view, const Detection& first_of_camera, con
   return {};
 }
 
+// Some pose is seen.
 Result<std::size_t> find_reference(const Sightings& sightings, const std::string& name) {
+  const auto is_seen = [&](std::size_t pose) {
+    return std::ranges::any_of(sightings.views, [&](const Sightings::View& view) {
+      return view.pose == pose && view.detection->found();
+    });
+  };
   std::size_t reference = 0;
-  if (!name.empty()) {
-    const auto at = std::ranges::find(sightings.poses, name);
-    if (at == sightings.poses.end()) {
-      return invalid_input(concat("reference pose '", name, "'"), "no image has this name",
-                           concat("name one of the board poses, e.g. ", sightings.poses.front()));
-    }
-    reference = static_cast<std::size_t>(at - sightings.poses.begin());
+  if (name.empty()) {
+    while (!is_seen(reference)) ++reference;
+    return reference;
   }
-  const bool seen = std::ranges::any_of(sightings.views, [&](const Sightings::View& view) {
-    return view.pose == reference && view.detection->found();
-  });
-  if (!seen) {
-    return invalid_input(concat("reference pose '", sightings.poses[reference], "' was seen by no camera"),
+  const auto at = std::ranges::find(sightings.poses, name);
+  if (at == sightings.poses.end()) {
+    return invalid_input(concat("reference pose '", name, "'"), "no image has this name",
+                         concat("name one of the board poses, e.g. ", sightings.poses.front()));
+  }
+  reference = static_cast<std::size_t>(at - sightings.poses.begin());
+  if (!is_seen(reference)) {
+    return invalid_input(concat("reference pose '", name, "' was seen by no camera"),
                          "it fixes the world frame", "turn the board on the burner towards the cameras");
   }
   return reference;

@@ -8,7 +8,7 @@ namespace flamefield {
 
 // A printed checkerboard on a plate under ordinary room light, as a lens shows it to a sensor.
 struct BoardScene {
-  BoardSpec board;
+  BoardSpec board = {};
   double border_mm = 10;                // white rim around the outer squares
   double white_albedo = 0.80;           // of the paper
   double dark_albedo = 0.08;            // of the ink: never quite black

@@ -13,16 +13,6 @@ namespace {
 
 using testing::HasSubstr;
 
-// An 8-bit camera with shot noise and 10 electrons of read noise.
-Image with_noise(Image image, double full_scale_electrons, std::uint64_t seed) {
-  std::mt19937_64 engine(seed);
-  std::normal_distribution<float> normal;
-  for (float& value : image.pixels) {
-    const float noisy = value + std::sqrt(std::max(0.0f, value) + 100.0f) * normal(engine);
-    value = std::clamp(std::round(noisy / static_cast<float>(full_scale_electrons) * 255), 0.0f, 255.0f);
-  }
-  return image;
-}
 Camera some_camera() {
   return ring_with_tolerances({.cameras = 1}).cameras[0];
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
@@ -9,11 +10,12 @@
 
 #include "acquire/simulator/true_rig.h"
 #include "calibrate/detect.h"
+#include "proto/image.h"
 
 namespace flamefield {
 
 inline std::string pose_name(std::size_t k) {
-  return "pose" + std::string(k < 10 ? "0" : "") + std::to_string(k);
+  return "pose" + std::to_string(100 + k).substr(1);
 }
 
 // The board's true corners in a camera, when it is seen within 60 degrees of its normal and wholly.
@@ -57,4 +59,14 @@ inline std::vector<Detection> synthetic_session(const Rig& rig, const std::vecto
   return session;
 }
 
+// An 8-bit camera with shot noise and 10 electrons of read noise.
+inline Image with_noise(Image image, double full_scale_electrons, std::uint64_t seed) {
+  std::mt19937_64 engine(seed);
+  std::normal_distribution<float> normal;
+  for (float& value : image.pixels) {
+    const float noisy = value + std::sqrt(std::max(0.0f, value) + 100.0f) * normal(engine);
+    value = std::clamp(std::round(noisy / static_cast<float>(full_scale_electrons) * 255), 0.0f, 255.0f);
+  }
+  return image;
+}
 }  // namespace flamefield
