@@ -69,11 +69,12 @@ void add_prior(ceres::Problem& problem, LensBlock& lens, const Camera& known, bo
 // Board poses first: they are the blocks to eliminate.
 void build(ceres::Problem& problem, const Bundle& bundle, const BundleOptions& options, Blocks& blocks) {
   for (PoseBlock& board : blocks.boards) problem.AddParameterBlock(board.data(), 7, new PoseManifold);
-  problem.SetParameterBlockConstant(blocks.boards[bundle.fixed_pose].data());
+  if (!options.hold_cameras) problem.SetParameterBlockConstant(blocks.boards[bundle.fixed_pose].data());
   for (std::size_t c = 0; c < blocks.cameras.size(); ++c) {
     problem.AddParameterBlock(blocks.cameras[c].data(), 7, new PoseManifold);
     problem.AddParameterBlock(blocks.lenses[c].data(), 9);
-    if (options.intrinsics == IntrinsicsMode::Fixed) {
+    if (options.hold_cameras) problem.SetParameterBlockConstant(blocks.cameras[c].data());
+    if (options.hold_cameras || options.intrinsics == IntrinsicsMode::Fixed) {
       problem.SetParameterBlockConstant(blocks.lenses[c].data());
       continue;
     }
@@ -185,11 +186,13 @@ BundleSummary solve_bundle(Bundle& bundle, const BundleOptions& options) {
   ceres::Solve(solver, &problem, &summary);
 
   for (std::size_t c = 0; c < bundle.cameras.size(); ++c) {
+    if (options.hold_cameras) break;
     set_lens(bundle.cameras[c], blocks.lenses[c]);
     bundle.cameras[c].camera_from_world = rigid3_from(blocks.cameras[c]);
   }
   for (std::size_t p = 0; p < blocks.boards.size(); ++p) {
-    if (p != bundle.fixed_pose) bundle.world_from_board[p] = rigid3_from(blocks.boards[p]);
+    if (options.hold_cameras || p != bundle.fixed_pose)
+      bundle.world_from_board[p] = rigid3_from(blocks.boards[p]);
   }
   return {summary.termination_type == ceres::CONVERGENCE,
           summary.num_successful_steps + summary.num_unsuccessful_steps, summary.message};

@@ -29,8 +29,9 @@ struct BundleOptions {
   bool free_aspect = false;      // fy / fx
   bool free_tangential = false;  // p1 p2
   bool free_k3 = false;
-  double robust_px = 0;   // Huber's threshold; 0: plain least squares
-  double noise_px = 0.1;  // expected sigma of a corner coordinate, weighs the priors
+  bool hold_cameras = false;  // cameras as they are; all board poses free
+  double robust_px = 0;       // Huber's threshold; 0: plain least squares
+  double noise_px = 0.1;      // expected sigma of a corner coordinate, weighs the priors
   int max_iterations = 60;
 };
 

@@ -41,7 +41,10 @@ TEST(RealImages, TheStereoPairsOfOpenCvGiveTheBaselineThatOtherProgramsFind) {
   const auto detections = detect(views, board);
   ASSERT_TRUE(detections);
   std::size_t found = 0;
-  for (const Detection& d : *detections) {found += d.found(); if(!d.found()) printf("%s %s %s\n",d.camera.c_str(),d.pose.c_str(),d.reason.c_str());}
+  for (const Detection& d : *detections) {
+    found += d.found();
+    if (!d.found()) printf("%s %s %s\n", d.camera.c_str(), d.pose.c_str(), d.reason.c_str());
+  }
   EXPECT_EQ(found, 26u);
 
   const auto report =
