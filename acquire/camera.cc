@@ -107,10 +107,10 @@ std::future<Result<>> Camera::software_trigger() {
   });
 }
 
-std::future<StreamStatistics> Camera::stop() {
-  return post([this]() -> StreamStatistics {
+std::future<StreamStatistics> Camera::stop(bool answers) {
+  return post([this, answers]() -> StreamStatistics {
     if (!is_armed_) return {};
-    if (is_streaming_ && !device_->is_lost()) {
+    if (is_streaming_ && answers && !device_->is_lost()) {
       device_->stop();
       const auto end = std::chrono::steady_clock::now() + kLastFrames;
       while (std::chrono::steady_clock::now() < end) deliver(kRequestLatency);

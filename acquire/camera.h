@@ -43,8 +43,9 @@ class Camera {
   std::future<std::optional<std::int64_t>> trigger_count();
   std::future<Result<>> start();
   std::future<Result<>> software_trigger();
-  // Delivers what is still in the buffers, then closes the stream.
-  std::future<StreamStatistics> stop();
+  // Delivers what is still in the buffers, then closes the stream. A camera that does not answer any more is
+  // left alone: each question to it would take seconds.
+  std::future<StreamStatistics> stop(bool answers = true);
   // Ends the thread once its requests are done, without waiting for it.
   void begin_close();
 

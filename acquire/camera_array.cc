@@ -240,11 +240,10 @@ CaptureReport CameraArray::stop() {
     wake_.notify_all();
     changed_.wait(lock, [this] { return is_drained_; });  // at the latest at the last set's deadline
   }
-  std::vector<std::future<StreamStatistics>> statistics;
-  for (const auto& camera : cameras_) statistics.push_back(camera->stop());
   CaptureReport report;
   report.capture = options_.capture;
   report.kind = options_.kind;
+  std::vector<std::future<StreamStatistics>> statistics;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     CameraReceipt receipt;
     receipt.camera = cameras_[i]->address().name;
@@ -252,8 +251,12 @@ CaptureReport CameraArray::stop() {
       const std::lock_guard lock(mutex_);
       receipt.is_lost = grouper_->is_lost(i);
     }
-    if (!receipt.is_lost) receipt.stream = statistics[i].get();  // a lost one takes seconds to let go
+    statistics.push_back(cameras_[i]->stop(!receipt.is_lost));
     report.cameras.push_back(std::move(receipt));
+  }
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    // A lost camera takes seconds to let go; nothing waits for it but its own thread.
+    if (!report.cameras[i].is_lost) report.cameras[i].stream = statistics[i].get();
   }
   {
     const std::lock_guard lock(mutex_);
