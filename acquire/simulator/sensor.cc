@@ -45,26 +45,36 @@ std::vector<float> normal_quantiles() {
   return quantiles;
 }
 
-void store(PixelFormat format, std::size_t i, std::uint32_t level12, std::vector<std::uint8_t>& out) {
+// Levels of 12 bits -> bytes on the wire.
+std::vector<std::uint8_t> pack(PixelFormat format, const std::vector<std::uint16_t>& levels) {
+  const std::size_t n = levels.size();
   switch (format) {
-    case PixelFormat::Mono8:
-      out[i] = static_cast<std::uint8_t>(level12 >> 4);
-      return;
-    case PixelFormat::Mono12:
-    case PixelFormat::Mono16: {
-      const std::uint32_t level = format == PixelFormat::Mono16 ? level12 << 4 : level12;
-      out[2 * i] = static_cast<std::uint8_t>(level);
-      out[2 * i + 1] = static_cast<std::uint8_t>(level >> 8);
-      return;
+    case PixelFormat::Mono8: {
+      std::vector<std::uint8_t> out(n);
+      for (std::size_t i = 0; i < n; ++i) out[i] = static_cast<std::uint8_t>(levels[i] >> 4);
+      return out;
     }
     case PixelFormat::Mono12Packed: {
-      const std::size_t group = i / 2 * 3;
-      const bool first = i % 2 == 0;
-      out[first ? group : group + 2] = static_cast<std::uint8_t>(level12 >> 4);
-      out[group + 1] = static_cast<std::uint8_t>(out[group + 1] | (level12 & 15) << (first ? 0 : 4));
-      return;
+      std::vector<std::uint8_t> out((n * 3 + 1) / 2);
+      for (std::size_t i = 0; i < n; ++i) {
+        const std::size_t group = i / 2 * 3;
+        const bool is_first = i % 2 == 0;
+        out[is_first ? group : group + 2] = static_cast<std::uint8_t>(levels[i] >> 4);
+        out[group + 1] = static_cast<std::uint8_t>(out[group + 1] | (levels[i] & 15) << (is_first ? 0 : 4));
+      }
+      return out;
     }
+    case PixelFormat::Mono12:
+    case PixelFormat::Mono16:
+      break;
   }
+  const int shift = format == PixelFormat::Mono16 ? 4 : 0;
+  std::vector<std::uint8_t> out(2 * n);
+  for (std::size_t i = 0; i < n; ++i) {
+    out[2 * i] = static_cast<std::uint8_t>(levels[i] << shift);
+    out[2 * i + 1] = static_cast<std::uint8_t>(levels[i] << shift >> 8);
+  }
+  return out;
 }
 
 }  // namespace
@@ -110,7 +120,8 @@ std::vector<std::uint8_t> Sensor::expose(const Image* light, const Readout& read
              readout.offset_y_px + readout.height_px <= height_px_,
          "the region of interest is on the sensor");
   if (light && (light->width_px != width_px_ || light->height_px != height_px_)) light = nullptr;
-  std::vector<std::uint8_t> out(bytes_of_image(readout.format, readout.width_px, readout.height_px));
+  std::vector<std::uint16_t> levels(static_cast<std::size_t>(readout.width_px) *
+                                    static_cast<std::size_t>(readout.height_px));
   const auto exposure = static_cast<float>(readout.exposure_us / kSceneExposure_us);
   const auto full_well = static_cast<float>(model_.full_well_e);
   const auto read_variance = static_cast<float>(model_.read_noise_e * model_.read_noise_e);
@@ -132,10 +143,10 @@ std::vector<std::uint8_t> Sensor::expose(const Image* light, const Readout& read
         level += levels_per_e * std::sqrt(variance) * normals_[mix(stream + i) >> (64 - kQuantileBits)];
       }
       level = std::clamp(level + 0.5f, 0.0f, static_cast<float>(kLevels12));
-      store(readout.format, o, static_cast<std::uint32_t>(level), out);
+      levels[o] = static_cast<std::uint16_t>(static_cast<int>(level));
     }
   }
-  return out;
+  return pack(readout.format, levels);
 }
 
 }  // namespace flamefield
