@@ -39,7 +39,7 @@ thead th { color: var(--dim); font-weight: 500; font-size: 13px; }
 .film { display: grid; grid-template-columns: repeat(6, 1fr); gap: 8px; margin-bottom: 12px; }
 .film img { width: 100%; height: auto; border-radius: 6px; display: block; } .film figcaption { text-align: center; }
 .plots { display: grid; grid-template-columns: repeat(auto-fit, minmax(440px, 1fr)); gap: 24px 32px; margin: 12px 0; }
-.plots figure { break-inside: avoid; } .plots svg { width: 100%; height: auto; max-height: 470px; display: block; }
+.plots figure { break-inside: avoid; } .plots svg { width: 100%; height: auto; max-width: 640px; max-height: 470px; display: block; }
 svg text { font-family: system-ui, "DejaVu Sans", sans-serif; }
 .slice, .bar { color: inherit; display: block; } .slice image { image-rendering: pixelated; }
 .frame { fill: none; stroke: currentColor; stroke-opacity: 0.45; } .tic { fill: currentColor; font-size: 11px; } .name { fill: currentColor; font-size: 12px; font-weight: 600; }

@@ -1,5 +1,6 @@
 // How well the cameras are known.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -94,6 +95,16 @@ Plot ring_plot(const ReportCalibration& c, double* exaggeration) {
     deviation.y.insert(deviation.y.end(), {at.z(), shown.z(), kUnknown});
   }
   plot.series = {looks, deviation, truth, estimated, {"burner", {0}, {0}, Mark::Points, kGreen}};
+  // A margin, so that no camera sits on the frame.
+  const auto padded = [&](const std::vector<double>& a, const std::vector<double>& b) {
+    std::array<double, 2> range = {0, 0};  // the burner
+    for (const auto* values : {&a, &b}) {
+      for (double v : *values) range = {std::min(range[0], v), std::max(range[1], v)};
+    }
+    return std::array<double, 2>{range[0] - 0.08 * radius_mm, range[1] + 0.08 * radius_mm};
+  };
+  plot.x_range = padded(estimated.x, truth.x);
+  plot.y_range = padded(estimated.y, truth.y);
   plot.equal_axes = true;
   plot.height_px = 420;
   return plot;

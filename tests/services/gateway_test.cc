@@ -83,7 +83,7 @@ class GatewayTest : public testing::Test {
       return camera == "cam 00" ? std::optional<std::string>("png bytes") : std::nullopt;
     };
     sources.volumes_folder = folder_.path() / "volumes";
-    auto gateway = Gateway::open({.port = 0, .threads = 2, .timeout_s = 3}, sources);
+    auto gateway = Gateway::open({.port = 0, .threads = 2, .timeout_s = 1}, sources);
     if (!gateway) throw std::runtime_error(gateway.error().message);
     gateway_ = std::move(*gateway);
     port_ = static_cast<std::uint16_t>(std::stoi(gateway_->url().substr(gateway_->url().rfind(':') + 1)));
