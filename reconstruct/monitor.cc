@@ -15,8 +15,8 @@ std::optional<StopReason> Monitor::interrupted() const {
   return std::nullopt;
 }
 
-std::optional<StopReason> Monitor::after(int iteration, double residual) {
-  history_.push_back({iteration, residual, elapsed_s()});
+std::optional<StopReason> Monitor::after(int iteration, double residual, double fitness) {
+  history_.push_back({iteration, residual, elapsed_s(), fitness});
   if (control_.progress) control_.progress({iteration, max_iterations_, residual, history_.back().elapsed_s});
   if (residual <= residual_tolerance_) return StopReason::Residual;
   if (iteration >= max_iterations_) return StopReason::Iterations;

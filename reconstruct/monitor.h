@@ -14,8 +14,8 @@ class Monitor {
  public:
   Monitor(const SolveControl& control, int max_iterations, double residual_tolerance);
 
-  // residual: |Ax - b| / |b|
-  std::optional<StopReason> after(int iteration, double residual);
+  // residual: |Ax - b| / |b|; fitness: 1 - Z of evolutionary solvers
+  std::optional<StopReason> after(int iteration, double residual, double fitness = 0);
 
   // Only the outside reasons to end, for solvers that report less often than they iterate.
   std::optional<StopReason> interrupted() const;

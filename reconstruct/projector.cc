@@ -47,6 +47,7 @@ Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const Projec
   out.grid_ = grid;
   out.rows_ = rig.cameras.front().image_height_px;
   out.cols_ = rig.cameras.front().image_width_px;
+  out.cameras_ = rig.cameras;
   for (const Camera& c : rig.cameras) out.view_names_.push_back(c.name);
   out.all_views_.resize(out.views());
   std::iota(out.all_views_.begin(), out.all_views_.end(), std::size_t{0});

@@ -46,6 +46,7 @@ class Projector {
                                 Team& team);
 
   const Grid& grid() const { return grid_; }
+  const std::vector<Camera>& cameras() const { return cameras_; }
   const std::vector<std::string>& view_names() const { return view_names_; }
   int rows() const { return rows_; }
   int cols() const { return cols_; }
@@ -70,6 +71,7 @@ class Projector {
  private:
   Projector() = default;
   Grid grid_;
+  std::vector<Camera> cameras_;
   std::vector<std::string> view_names_;
   int rows_ = 0, cols_ = 0;
   std::vector<std::size_t> all_views_;

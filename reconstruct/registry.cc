@@ -2,6 +2,7 @@
 
 #include "proto/check.h"
 #include "reconstruct/algebraic/sirt.h"
+#include "reconstruct/evolutionary/ert.h"
 #include "reconstruct/statistical/mlem.h"
 
 namespace flamefield {
@@ -43,6 +44,12 @@ std::span<const Solver> solvers() {
             mlem_fields, solve_mlem),
       entry("sirt", "simultaneous iterative reconstruction (Gilbert 1972), non-negative", SirtOptions{},
             sirt_fields, solve_sirt),
+      entry("os-sart", "SIRT with ordered subsets of views (Andersen and Kak 1984), non-negative",
+            SirtOptions{.max_iterations = 20, .relaxation = 1, .smoothing = 0.1, .subsets = 5},
+            os_sart_fields, solve_sirt),
+      entry("ert",
+            "evolutionary reconstruction: genetic operators at Metropolis-drawn voxels (Energies 12, 2019)",
+            ErtOptions{}, ert_fields, solve_ert),
   };
   return list;
 }

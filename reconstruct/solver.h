@@ -40,6 +40,7 @@ struct HistoryPoint {
   int iteration = 0;
   double residual = 0;
   double elapsed_s = 0;
+  double fitness = 0;  // 1 - Z (paper), evolutionary solvers only
 };
 
 struct Reconstruction {

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "reconstruct/evolutionary/chromosome.h"
+#include "reconstruct/evolutionary/ert.h"
+#include "reconstruct/evolutionary/mask.h"
+
+namespace flamefield {
+
+// The chromosomes of one generation, all zero at first.
+class Population {
+ public:
+  Population(const Problem& problem, const ErtOptions& options, float voxel_scale);
+
+  // One evolution step (Algorithm 2) with evaluation. Offspring i takes its random numbers from stream
+  // `first_stream` + i, so that it does not matter which thread makes it.
+  void evolve(const Mask& mask, double sigma, std::uint64_t seed, std::uint64_t first_stream);
+
+  // Renders the best chromosome and derives all images from that; returns how far off its images were,
+  // |incremental - rendered| / |rendered|.
+  double render_anew();
+
+  const Chromosome& best() const { return members_[best_]; }
+  std::vector<float> best_field() const { return field_of(best(), base_); }
+  const std::vector<Chromosome>& members() const { return members_; }
+  std::vector<float> field(std::size_t member) const { return field_of(members_[member], base_); }
+  double voxel_updates() const { return voxel_updates_; }
+
+ private:
+  void make_offspring(std::size_t i, const Mask& mask, double sigma, Stream stream);
+  void render(Chromosome& chromosome, Team& team) const;
+
+  const Problem& problem_;
+  const ErtOptions& options_;
+  float voxel_scale_;
+  std::vector<float> base_;  // the field of the best
+  std::vector<Chromosome> members_, offspring_;
+  std::vector<double> relative_;
+  std::size_t best_ = 0;
+  double voxel_updates_ = 0;
+};
+
+}  // namespace flamefield
