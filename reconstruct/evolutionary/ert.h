@@ -30,8 +30,8 @@ struct ErtOptions {
   bool strong_elitism = true;  // the best survives unaltered
 
   int mask_samples = 300000;
-  int ma_start = 60000;  // generation from which the mask follows the best chromosome
-  int steps = 2000;      // generations between new masks
+  int ma_start = 5000;  // generation from which the mask follows the best chromosome
+  int steps = 1000;     // generations between new masks
 
   int render_every = 5000;  // generations between full renderings that remove rounding
   bool incremental = true;  // images follow from the parents'; false: every offspring is rendered
