@@ -91,7 +91,7 @@ TEST(Worker, ABadRecipeFailsWithItsReason) {
 
 // The programs themselves, as processes over TCP, killed with -9 while they work.
 TEST(Programs, KilledAFewTimesLoseNothingAndCommitNothingTwice) {
-  testing_support::expect_survival({.sets = 16, .kills = 4});
+  testing_support::expect_survival({.sets = 8, .kills = 3});
 }
 
 TEST(Programs, StopCleanlyOnRequest) {
@@ -104,6 +104,12 @@ TEST(Programs, StopCleanlyOnRequest) {
   ASSERT_TRUE(eventually([&] { return std::filesystem::exists(scratch.path() / "bus"); }));
   testing_support::Process worker(
       "flamefield-worker", {"--data", data, "--endpoint", "ipc://" + data + "/bus"}, scratch.path() / "log");
+  Bus bus(KeyRing::open(scratch.path() / "keys", "client").value());
+  auto client = Client::connect(bus, "client", "c", "ipc://" + data + "/bus");
+  ASSERT_TRUE(eventually([&] {
+    const auto status = client->ask_for<Status>(GetStatus{}, 1s);
+    return status && !status->workers.empty();
+  }));
   worker.signal(SIGTERM);
   EXPECT_EQ(worker.wait(), 0);
   dispatcher.signal(SIGINT);
