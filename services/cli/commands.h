@@ -1,0 +1,21 @@
+#pragma once
+
+#include "services/cli/app.h"
+
+namespace CLI {
+class App;
+}
+
+namespace flamefield {
+
+// Each adds one command to the program, in a file of its own: options, help with an example, and work.
+void add_phantom(CLI::App& app, Session& session);
+void add_ring(CLI::App& app, Session& session);
+void add_render(CLI::App& app, Session& session);
+void add_prepare(CLI::App& app, Session& session);
+void add_reconstruct(CLI::App& app, Session& session);
+void add_evaluate(CLI::App& app, Session& session);
+void add_show(CLI::App& app, Session& session);
+void add_convert(CLI::App& app, Session& session);
+
+}  // namespace flamefield

@@ -1,0 +1,96 @@
+#include "reconstruct/prepare.h"
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "services/cli/commands.h"
+#include "services/cli/options.h"
+#include "services/cli/recipe_options.h"
+#include "services/store/file.h"
+#include "services/store/frame_file.h"
+#include "services/store/projection_file.h"
+#include "services/store/rig_file.h"
+
+namespace flamefield {
+
+namespace {
+
+struct Options {
+  std::filesystem::path frames, rig, out, rig_out;
+  RecipeOptions recipe;
+  DomainOptions domain;
+};
+
+// Mean image of each camera over the sets of one kind; empty when the file has none.
+CameraImages mean_of(const std::vector<FrameSet>& sets, CaptureKind kind, const std::filesystem::path& path) {
+  std::vector<FrameSet> chosen;
+  for (const FrameSet& set : sets)
+    if (set.kind == kind) chosen.push_back(set);
+  if (chosen.empty()) return {};
+  return or_fail_about(path, mean_images(chosen));
+}
+
+CameraImages flame_of(const std::vector<FrameSet>& sets, const std::filesystem::path& path) {
+  CameraImages flame = mean_of(sets, CaptureKind::Burst, path);
+  if (flame.empty()) flame = mean_of(sets, CaptureKind::Live, path);
+  if (flame.empty()) {
+    throw CommandFailure{ExitCode::Failed, concat("'", path.string(),
+                                                  "' has no frames of a flame (neither burst nor "
+                                                  "live sets are in it) record a burst")};
+  }
+  return flame;
+}
+
+void run(const Options& options, const Session& session) {
+  const PrepareOptions prepare_as = or_usage(prepare_options(options.recipe.recipe()));
+  const Grid domain = options.domain.grid();
+  check_projection_output(options.out);
+  auto rig_out = options.rig_out;
+  if (rig_out.empty())
+    rig_out = std::filesystem::path(options.out).replace_filename(options.out.stem().string() + "-rig.yaml");
+  or_fail(check_writable(rig_out));
+  const Rig rig = or_fail(read_rig(options.rig));
+  const std::vector<FrameSet> sets = or_fail(read_frames(options.frames));
+  session.check_stop();
+  const auto mean = [&](CaptureKind kind) { return mean_of(sets, kind, options.frames); };
+  const Prepared prepared =
+      or_fail_about(options.frames,
+                    prepare(flame_of(sets, options.frames), mean(CaptureKind::Dark),
+                            mean(CaptureKind::Background), mean(CaptureKind::Flat), rig, domain, prepare_as));
+  session.check_stop();
+  Provenance provenance = {{"program", concat("flamefield ", program_version())},
+                           {"frames", options.frames.filename().string()},
+                           {"rig_fingerprint", fingerprint(rig)}};
+  for (std::size_t i = 0; i < prepared.provenance.size(); ++i)
+    provenance[concat("step_", i < 10 ? "0" : "", i)] = prepared.provenance[i];
+  or_fail(write_rig(rig_out, prepared.rig));
+  or_fail(write_projections(options.out, prepared.projections, provenance));
+  for (const std::string& step : prepared.provenance) std::cout << step << '\n';
+  std::cout << options.out.string() << ": " << prepared.projections.views() << " views of "
+            << prepared.projections.cols << " x " << prepared.projections.rows << " px; their cameras are in "
+            << rig_out.string() << '\n';
+}
+
+}  // namespace
+
+void add_prepare(CLI::App& app, Session& session) {
+  auto options = std::make_shared<Options>();
+  options->domain.size = {52, 55, 52};
+  auto* command = app.add_subcommand("prepare", "Turn recorded frames into projections");
+  command->add_option("FRAMES", options->frames, "Recorded frame sets: .nxs with dark, background and burst")
+      ->required();
+  command->add_option("--rig", options->rig, "Cameras: rig.yaml")->required();
+  add_recipe(*command, options->recipe);
+  add_domain(*command, options->domain, false);
+  command->add_option("--out", options->out, "Projections to write: .nxs .npy .tif")->required();
+  command->add_option("--rig-out", options->rig_out,
+                      "The cameras as cropped and binned. Default: beside OUT, as NAME-rig.yaml");
+  command->footer(
+      "The domain (default 52,55,52 voxels of 1 mm) says what is cut out and how far pixels are merged.\n"
+      "Example:\n  flamefield prepare run.nxs --rig rig.yaml --recipe prepare.toml --out projections.nxs "
+      "--rig-out "
+      "cropped.yaml");
+  command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
+}
+
+}  // namespace flamefield

@@ -1,0 +1,119 @@
+#include <CLI/CLI.hpp>
+#include <iostream>
+#include <nlohmann/json.hpp>
+
+#include "reconstruct/solver.h"
+#include "services/cli/commands.h"
+#include "services/cli/options.h"
+#include "services/cli/progress.h"
+#include "services/cli/recipe_options.h"
+#include "services/config/recipe_file.h"
+#include "services/store/projection_file.h"
+#include "services/store/rig_file.h"
+#include "services/store/volume_file.h"
+
+namespace flamefield {
+
+namespace {
+
+struct Options {
+  std::filesystem::path projections, rig, out;
+  DomainOptions domain;
+  RecipeOptions recipe;
+  std::uint64_t seed = 1;
+  int threads = 0;
+  double time_limit_s = 0;
+  bool json = false;
+};
+
+nlohmann::json json_of(const Reconstruction& result) {
+  nlohmann::json history = nlohmann::json::array();
+  for (const HistoryPoint& point : result.history) {
+    history.push_back(
+        {{"iteration", point.iteration}, {"residual", point.residual}, {"elapsed_s", point.elapsed_s}});
+  }
+  return {{"solver", result.solver},
+          {"iterations", result.iterations},
+          {"residual", result.residual},
+          {"residual_per_view", result.residual_per_view},
+          {"wall_s", result.wall_s},
+          {"voxel_updates", result.voxel_updates},
+          {"peak_rss_mib", peak_rss_mib()},
+          {"projector_engine", result.projector_engine},
+          {"stop_reason", name_of(result.stop_reason)},
+          {"history", history}};
+}
+
+// Nothing that changes from run to run, so that equal work gives equal files.
+Provenance provenance_of(const Options& options, const Recipe& recipe, const Rig& rig,
+                         const Reconstruction& result) {
+  return {{"program", concat("flamefield ", program_version())},
+          {"solver", result.solver},
+          {"recipe", toml_of(recipe)},
+          {"recipe_fingerprint", fingerprint(recipe)},
+          {"rig_fingerprint", fingerprint(rig)},
+          {"projections", options.projections.filename().string()},
+          {"projector_engine", result.projector_engine},
+          {"seed", concat(options.seed)},
+          {"iterations", concat(result.iterations)},
+          {"residual", concat(result.residual)},
+          {"stop_reason", std::string(name_of(result.stop_reason))}};
+}
+
+void run(const Options& options, const Session& session) {
+  const Grid grid = options.domain.grid();
+  const Recipe recipe = options.recipe.recipe();
+  check_volume_output(options.out);
+  const Rig whole_rig = or_fail(read_rig(options.rig));
+  const Projections projections = or_fail(read_projections(options.projections, &whole_rig));
+  const Rig rig = or_fail(rig_of_views(whole_rig, projections, options.rig));
+  session.check_stop();
+
+  ProgressBar progress("reconstructing");
+  SolveControl control{options.threads, options.time_limit_s, options.seed, session.stop(), {}};
+  control.progress = [&](const SolverProgress& p) {
+    progress.update(p.iteration, p.max_iterations,
+                    concat("iteration ", p.iteration, ", residual ", p.residual));
+  };
+  const Reconstruction result =
+      or_fail_about(options.projections, reconstruct(projections, rig, grid, recipe, control));
+  session.check_stop();
+  or_fail(write_volume(options.out, result.volume, provenance_of(options, recipe, rig, result)));
+  if (options.json) {
+    std::cout << json_of(result).dump(2) << '\n';
+    return;
+  }
+  std::cout << options.out.string() << ": " << result.solver << ", " << result.iterations << " iterations ("
+            << name_of(result.stop_reason) << "), relative residual " << result.residual << ", "
+            << result.wall_s << " s\n";
+}
+
+}  // namespace
+
+void add_reconstruct(CLI::App& app, Session& session) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand("reconstruct", "Solve for the field behind a set of projections");
+  command
+      ->add_option("--projections", options->projections,
+                   ".nxs, or .npy (views, rows, cols) in the rig's order")
+      ->required();
+  command->add_option("--rig", options->rig, "Cameras: rig.yaml")->required();
+  add_domain(*command, options->domain, true);
+  add_recipe(*command, options->recipe);
+  command->add_option("--seed", options->seed, "Of the stochastic solvers")->capture_default_str();
+  command->add_option("--threads", options->threads, "0: all; the result does not depend on it")
+      ->check(CLI::Range(0, 1024))
+      ->capture_default_str();
+  command->add_option("--time-limit-s", options->time_limit_s, "Keeps the best so far; 0: none")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str();
+  command->add_option("--out", options->out, "Volume to write: .vtkhdf .vti .npy .tif")->required();
+  command->add_flag("--json", options->json, "Print the result as JSON");
+  command->footer(
+      "Example:\n  flamefield reconstruct --projections projections.nxs --rig rig.yaml --size 52,55,52 "
+      "--spacing-mm 1 "
+      "--solver mlem --set mlem.max_iterations=60 --out volume.vtkhdf --json");
+  command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
+}
+
+}  // namespace flamefield
