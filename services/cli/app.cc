@@ -21,8 +21,8 @@ namespace flamefield {
 namespace {
 
 // One row a command, in the order of the help.
-constexpr std::array kCommands = {&add_phantom,     &add_ring,     &add_render, &add_prepare,
-                                  &add_reconstruct, &add_evaluate, &add_show,   &add_convert};
+constexpr std::array kCommands = {&add_phantom,  &add_ring, &add_render,  &add_prepare,  &add_reconstruct,
+                                  &add_evaluate, &add_show, &add_convert, &add_calibrate};
 
 // Turns SIGINT and SIGTERM into a stop request. Threads started later inherit the blocked mask, so that the
 // watcher alone receives them.

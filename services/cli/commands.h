@@ -17,5 +17,6 @@ void add_reconstruct(CLI::App& app, Session& session);
 void add_evaluate(CLI::App& app, Session& session);
 void add_show(CLI::App& app, Session& session);
 void add_convert(CLI::App& app, Session& session);
+void add_calibrate(CLI::App& app, Session& session);
 
 }  // namespace flamefield
