@@ -14,7 +14,7 @@
 #include "proto/check.h"
 #include "services/cli/commands.h"
 #include "services/config/suggestion.h"
-#include "services/store/provenance.h"
+#include "proto/version.h"
 
 namespace flamefield {
 

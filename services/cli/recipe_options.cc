@@ -11,7 +11,7 @@ namespace flamefield {
 Recipe RecipeOptions::recipe() const {
   Recipe recipe;
   recipe.solver = solver_names().front();
-  if (!file.empty()) recipe = or_usage(read_recipe(file, validate_recipe));
+  if (!file.empty()) recipe = or_usage(read_recipe(file, validate_recipe, recipe));
   if (!solver.empty()) recipe.solver = solver;
   for (const std::string& setting : settings) or_usage(assign(recipe, setting));
   or_usage(validate_recipe(recipe));

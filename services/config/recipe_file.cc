@@ -47,10 +47,11 @@ std::string toml_value(const Setting& setting) {
 
 }  // namespace
 
-Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck& check) {
+Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck& check,
+                           const Recipe& defaults) {
   auto file = read_toml(path);
   if (!file) return tl::unexpected(file.error());
-  Recipe recipe;
+  Recipe recipe = defaults;
   if (const auto solver = file->entries.find("solver"); solver != file->entries.end()) {
     if (auto ok = take_solver(*file, solver->second, recipe); !ok) return tl::unexpected(ok.error());
     if (auto ok = check(recipe); !ok) return with_line(*file, "solver", ok.error());

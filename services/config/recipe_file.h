@@ -12,8 +12,9 @@ namespace flamefield {
 using RecipeCheck = std::function<Result<>(const Recipe&)>;
 
 // A recipe in TOML: `solver = "mlem"` at the top, every other key in a table. `check` is asked about each key
-// on its own, so that an error names the file and the line.
-Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck& check);
+// on its own, so that an error names the file and the line. `defaults` holds where the file says nothing.
+Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck& check,
+                           const Recipe& defaults = {});
 
 // The recipe as TOML text, and written to a file.
 std::string toml_of(const Recipe& recipe);
