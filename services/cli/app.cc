@@ -8,13 +8,14 @@
 
 #include <CLI/CLI.hpp>
 #include <array>
+#include <chrono>
 #include <iostream>
 #include <thread>
 
 #include "proto/check.h"
+#include "proto/version.h"
 #include "services/cli/commands.h"
 #include "services/config/suggestion.h"
-#include "proto/version.h"
 
 namespace flamefield {
 
@@ -41,15 +42,20 @@ class SignalWatcher {
 
  private:
   void watch(const std::stop_token& end) {
+    auto first = Clock::now();
     while (!end.stop_requested()) {
       const timespec poll{0, 100'000'000};
       const int signal = ::sigtimedwait(&signals_, nullptr, &poll);
       if (signal < 0) continue;
-      if (source_.stop_requested()) ::_exit(static_cast<int>(ExitCode::Failed));
+      if (!source_.stop_requested()) first = Clock::now();
+      // Shells and wrappers may deliver one Ctrl-C twice.
+      if (source_.stop_requested() && Clock::now() - first > std::chrono::milliseconds(500))
+        ::_exit(static_cast<int>(ExitCode::Failed));
       source_.request_stop();
     }
   }
 
+  using Clock = std::chrono::steady_clock;
   sigset_t signals_{};
   std::stop_source source_;
   std::jthread thread_;
