@@ -22,7 +22,7 @@ std::int64_t steady_utc_ns() {
 
 // Asks all cameras at once, then waits for all answers; the messages of those that failed, joined.
 template <class Ask>
-Result<> ask_all(const std::vector<std::unique_ptr<Camera>>& cameras, Ask ask) {
+Result<> ask_all(const std::vector<std::unique_ptr<GigeCamera>>& cameras, Ask ask) {
   std::vector<std::future<Result<>>> answers;
   for (const auto& camera : cameras) answers.push_back(ask(*camera));
   std::optional<Error> error;
@@ -55,9 +55,9 @@ Result<std::unique_ptr<CameraArray>> CameraArray::open(const std::vector<CameraA
   if (auto ok = validate(settings); !ok) return tl::unexpected(ok.error());
   std::unique_ptr<CameraArray> array(new CameraArray);
   for (const CameraAddress& address : addresses) {
-    array->cameras_.push_back(std::make_unique<Camera>(address, settings));
+    array->cameras_.push_back(std::make_unique<GigeCamera>(address, settings));
   }
-  if (auto ok = ask_all(array->cameras_, [](Camera& camera) { return camera.open(); }); !ok) {
+  if (auto ok = ask_all(array->cameras_, [](GigeCamera& camera) { return camera.open(); }); !ok) {
     return tl::unexpected(ok.error());
   }
   return array;
@@ -71,10 +71,10 @@ CameraArray::~CameraArray() {
 Result<> CameraArray::apply(const CameraSettings& settings) {
   expect(!is_capturing_, "settings change between captures");
   if (auto ok = validate(settings); !ok) return ok;
-  return ask_all(cameras_, [&](Camera& camera) { return camera.apply(settings); });
+  return ask_all(cameras_, [&](GigeCamera& camera) { return camera.apply(settings); });
 }
 
-Camera::Events CameraArray::events_of(std::size_t camera) {
+GigeCamera::Events CameraArray::events_of(std::size_t camera) {
   return {.on_frame =
               [this, camera](Arrival arrival) {
                 push({camera, std::move(arrival)});
@@ -94,7 +94,7 @@ Result<> CameraArray::start(const CaptureOptions& options, SetHandler on_set) {
   expect(options.set_deadline_ms > 0 && options.pulses >= 0,
          "the deadline is positive, pulses are not negative");
   std::size_t number = 0;
-  Result<> armed = ask_all(cameras_, [&](Camera& camera) { return camera.arm(events_of(number++)); });
+  Result<> armed = ask_all(cameras_, [&](GigeCamera& camera) { return camera.arm(events_of(number++)); });
   {
     const std::lock_guard lock(mutex_);
     inputs_.clear();  // what a camera that was given up delivered after the last capture
@@ -142,7 +142,7 @@ Result<std::int64_t> CameraArray::agree_on_count() {
     return unavailable("cannot arm the cameras", "trigger pulses came during each of 20 tries",
                        "pause the trigger while arming");
   }
-  if (auto ok = ask_all(cameras_, [](Camera& camera) { return camera.start(); }); !ok) {
+  if (auto ok = ask_all(cameras_, [](GigeCamera& camera) { return camera.start(); }); !ok) {
     return tl::unexpected(ok.error());
   }
   return highest_count().value_or(0);
@@ -273,7 +273,7 @@ CaptureReport CameraArray::stop() {
 }
 
 Result<> CameraArray::software_trigger() {
-  return ask_all(cameras_, [](Camera& camera) { return camera.software_trigger(); });
+  return ask_all(cameras_, [](GigeCamera& camera) { return camera.software_trigger(); });
 }
 
 CaptureProgress CameraArray::progress() const {

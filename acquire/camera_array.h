@@ -12,7 +12,7 @@
 #include <variant>
 #include <vector>
 
-#include "acquire/camera.h"
+#include "acquire/gige_camera.h"
 #include "acquire/settings.h"
 #include "acquire/trigger_grouper.h"
 #include "proto/error.h"
@@ -90,14 +90,14 @@ class CameraArray {
   };
 
   CameraArray() = default;
-  Camera::Events events_of(std::size_t camera);
+  GigeCamera::Events events_of(std::size_t camera);
   Result<std::int64_t> agree_on_count();
   std::optional<std::int64_t> highest_count();
   void push(Input input);
   void run();
   void feed(Input input, std::vector<FrameSet>& sets);
 
-  std::vector<std::unique_ptr<Camera>> cameras_;
+  std::vector<std::unique_ptr<GigeCamera>> cameras_;
 
   mutable std::mutex mutex_;  // what follows
   std::condition_variable wake_;

@@ -1,4 +1,4 @@
-#include "acquire/camera.h"
+#include "acquire/gige_camera.h"
 
 #include <chrono>
 
@@ -13,15 +13,15 @@ constexpr milliseconds kLastFrames{120};     // longer than Aravis keeps an inco
 
 }  // namespace
 
-Camera::Camera(CameraAddress address, CameraSettings settings)
+GigeCamera::GigeCamera(CameraAddress address, CameraSettings settings)
     : address_(std::move(address)), settings_(std::move(settings)), thread_([this] { run(); }) {}
 
-Camera::~Camera() {
+GigeCamera::~GigeCamera() {
   begin_close();
   thread_.join();
 }
 
-void Camera::begin_close() {
+void GigeCamera::begin_close() {
   {
     const std::lock_guard lock(mutex_);
     quit_ = true;
@@ -30,7 +30,7 @@ void Camera::begin_close() {
 }
 
 template <class Function>
-auto Camera::post(Function function) -> std::future<decltype(function())> {
+auto GigeCamera::post(Function function) -> std::future<decltype(function())> {
   auto task = std::make_shared<std::packaged_task<decltype(function())()>>(std::move(function));
   auto future = task->get_future();
   {
@@ -41,7 +41,7 @@ auto Camera::post(Function function) -> std::future<decltype(function())> {
   return future;
 }
 
-Result<> Camera::open_now() {
+Result<> GigeCamera::open_now() {
   device_.reset();
   auto device = AravisDevice::open(address_);
   if (!device) return tl::unexpected(device.error());
@@ -51,18 +51,18 @@ Result<> Camera::open_now() {
   return ok;
 }
 
-std::future<Result<>> Camera::open() {
+std::future<Result<>> GigeCamera::open() {
   return post([this] { return open_now(); });
 }
 
-std::future<Result<>> Camera::apply(CameraSettings settings) {
+std::future<Result<>> GigeCamera::apply(CameraSettings settings) {
   return post([this, settings = std::move(settings)] {
     settings_ = settings;
     return device_ && !device_->is_lost() ? device_->apply(settings_) : open_now();
   });
 }
 
-std::future<Result<>> Camera::arm(Events events) {
+std::future<Result<>> GigeCamera::arm(Events events) {
   return post([this, events = std::move(events)]() -> Result<> {
     events_ = events;
     loss_told_ = false;
@@ -80,18 +80,18 @@ std::future<Result<>> Camera::arm(Events events) {
   });
 }
 
-std::future<bool> Camera::reset_trigger_count() {
+std::future<bool> GigeCamera::reset_trigger_count() {
   return post([this] { return device_ && device_->reset_trigger_count(); });
 }
 
-std::future<std::optional<std::int64_t>> Camera::trigger_count() {
+std::future<std::optional<std::int64_t>> GigeCamera::trigger_count() {
   return post([this]() -> std::optional<std::int64_t> {
     if (!device_ || device_->is_lost()) return std::nullopt;
     return device_->trigger_count();
   });
 }
 
-std::future<Result<>> Camera::start() {
+std::future<Result<>> GigeCamera::start() {
   return post([this]() -> Result<> {
     if (!device_) return unavailable(concat("camera ", address_.name), "is not open", "open it first");
     auto ok = device_->start();
@@ -100,14 +100,14 @@ std::future<Result<>> Camera::start() {
   });
 }
 
-std::future<Result<>> Camera::software_trigger() {
+std::future<Result<>> GigeCamera::software_trigger() {
   return post([this]() -> Result<> {
     if (!device_) return unavailable(concat("camera ", address_.name), "is not open", "open it first");
     return device_->software_trigger();
   });
 }
 
-std::future<StreamStatistics> Camera::stop(bool answers) {
+std::future<StreamStatistics> GigeCamera::stop(bool answers) {
   return post([this, answers]() -> StreamStatistics {
     if (!is_armed_) return {};
     if (is_streaming_ && answers && !device_->is_lost()) {
@@ -121,7 +121,7 @@ std::future<StreamStatistics> Camera::stop(bool answers) {
   });
 }
 
-void Camera::deliver(milliseconds timeout) {
+void GigeCamera::deliver(milliseconds timeout) {
   if (device_->is_lost() && !loss_told_) {
     loss_told_ = true;
     events_.on_camera_lost();
@@ -135,7 +135,7 @@ void Camera::deliver(milliseconds timeout) {
   }
 }
 
-void Camera::run() {
+void GigeCamera::run() {
   for (;;) {
     std::function<void()> request;
     {

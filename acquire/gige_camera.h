@@ -18,7 +18,7 @@ namespace flamefield {
 
 // One camera and the one thread that ever touches it. Requests queue up for that thread and answer through
 // futures, so that many cameras open, start and die at the same time.
-class Camera {
+class GigeCamera {
  public:
   // Called from the camera's thread; they must return at once.
   struct Events {
@@ -27,10 +27,10 @@ class Camera {
     std::function<void()> on_camera_lost;  // once a stream
   };
 
-  Camera(CameraAddress address, CameraSettings settings);
-  ~Camera();  // may wait some seconds for a camera that no longer answers
-  Camera(const Camera&) = delete;
-  Camera& operator=(const Camera&) = delete;
+  GigeCamera(CameraAddress address, CameraSettings settings);
+  ~GigeCamera();  // may wait some seconds for a camera that no longer answers
+  GigeCamera(const GigeCamera&) = delete;
+  GigeCamera& operator=(const GigeCamera&) = delete;
 
   const CameraAddress& address() const { return address_; }
 
