@@ -709,6 +709,69 @@ void read(const v1::Event& wire, Event& m, Check&) {
   m = {wire.time_ns(), wire.kind(), wire.subject(), wire.text()};
 }
 
+void write(const StartCapture& m, v1::StartCapture* wire) {
+  wire->set_kind(std::string(name_of(m.kind)));
+  wire->set_pulses(m.pulses);
+  wire->set_id(m.id);
+}
+void read(const v1::StartCapture& wire, StartCapture& m, Check& check) {
+  m.pulses = wire.pulses();
+  m.id = wire.id();
+  check.count(m.pulses, "pulses");
+  check.optional_name(m.id, "capture");
+  read_enum(wire.kind(), capture_kind_from_name(wire.kind()), m.kind, "capture kind", check);
+}
+
+void write(const StopCapture&, v1::StopCapture*) {}
+void read(const v1::StopCapture&, StopCapture&, Check&) {}
+
+void write(const GetCapture&, v1::GetCapture*) {}
+void read(const v1::GetCapture&, GetCapture&, Check&) {}
+
+void write(const GetPreview& m, v1::GetPreview* wire) {
+  wire->set_camera(m.camera);
+}
+void read(const v1::GetPreview& wire, GetPreview& m, Check& check) {
+  m.camera = wire.camera();
+  check.name(m.camera, "camera");
+}
+
+void write(const CaptureState& m, v1::CaptureState* wire) {
+  wire->set_phase(std::string(name_of(m.phase)));
+  wire->set_id(m.id);
+  wire->set_kind(std::string(name_of(m.kind)));
+  wire->set_pulses_wanted(m.pulses_wanted);
+  wire->set_sets(m.sets);
+  wire->set_sets_stored(m.sets_stored);
+  for (const CaptureState::CameraState& camera : m.cameras) {
+    auto* out = wire->add_cameras();
+    out->set_name(camera.name);
+    out->set_address(camera.address);
+    out->set_connected(camera.connected);
+    out->set_frames(camera.frames);
+    for (const auto& [cause, count] : camera.losses) (*out->mutable_losses())[cause] = count;
+    out->set_newest_age_s(camera.newest_age_s);
+  }
+}
+void read(const v1::CaptureState& wire, CaptureState& m, Check& check) {
+  m = {CapturePhase::Idle, wire.id(), CaptureKind::Burst, wire.pulses_wanted(), wire.sets(),
+       wire.sets_stored(), {}};
+  read_enum(wire.phase(),
+            one_of(wire.phase(), {CapturePhase::Idle, CapturePhase::Armed, CapturePhase::Draining}), m.phase,
+            "capture phase", check);
+  read_enum(wire.kind(), capture_kind_from_name(wire.kind()), m.kind, "capture kind", check);
+  check.optional_name(m.id, "capture");
+  check.require(wire.cameras_size() <= kMaxCameras, "capture", "more than 256 cameras");
+  for (const auto& in : wire.cameras()) {
+    CaptureState::CameraState camera{in.name(),   in.address(), in.connected(),
+                                     in.frames(), {},           in.newest_age_s()};
+    check.name(camera.name, "camera");
+    check.finite(camera.newest_age_s, "age of the newest frame");
+    for (const auto& [cause, count] : in.losses()) camera.losses[cause] = count;
+    m.cameras.push_back(std::move(camera));
+  }
+}
+
 // Calls visit(message field of `wire`, empty value of its C++ type) for the field that is set.
 template <class Wire, class Visit>
 bool visit_message(Wire& wire, Visit visit) {
@@ -759,6 +822,16 @@ bool visit_message(Wire& wire, Visit visit) {
       return visit(wire.rejected(), Rejected());
     case v1::Envelope::kEvent:
       return visit(wire.event(), Event());
+    case v1::Envelope::kStartCapture:
+      return visit(wire.start_capture(), StartCapture());
+    case v1::Envelope::kStopCapture:
+      return visit(wire.stop_capture(), StopCapture());
+    case v1::Envelope::kGetCapture:
+      return visit(wire.get_capture(), GetCapture());
+    case v1::Envelope::kGetPreview:
+      return visit(wire.get_preview(), GetPreview());
+    case v1::Envelope::kCaptureState:
+      return visit(wire.capture_state(), CaptureState());
     case v1::Envelope::MESSAGE_NOT_SET:
       return false;
   }
@@ -835,6 +908,22 @@ void write(const Event& m, v1::Envelope* wire) {
   write(m, wire->mutable_event());
 }
 
+void write(const StartCapture& m, v1::Envelope* wire) {
+  write(m, wire->mutable_start_capture());
+}
+void write(const StopCapture& m, v1::Envelope* wire) {
+  write(m, wire->mutable_stop_capture());
+}
+void write(const GetCapture& m, v1::Envelope* wire) {
+  write(m, wire->mutable_get_capture());
+}
+void write(const GetPreview& m, v1::Envelope* wire) {
+  write(m, wire->mutable_get_preview());
+}
+void write(const CaptureState& m, v1::Envelope* wire) {
+  write(m, wire->mutable_capture_state());
+}
+
 }  // namespace
 
 std::string encode(const Message& message, std::uint64_t request) {
@@ -855,7 +944,7 @@ Result<Envelope> decode(std::span<const std::byte> header) {
   const auto refuse = [](std::string_view why) {
     return invalid_input("message on the bus", why, "drop it; is the sender of another version?");
   };
-  if (header.size() > kMaxHeaderBytes) return refuse("its header is larger than 4 MiB");
+  if (header.size() > kMaxHeaderBytes) return refuse("its header is larger than 16 MiB");
   v1::Envelope wire;
   if (!wire.ParseFromArray(header.data(), static_cast<int>(header.size())))
     return refuse("its header is not an Envelope");

@@ -5,6 +5,7 @@
 #include <variant>
 #include <vector>
 
+#include "proto/capture.h"
 #include "proto/error.h"
 #include "proto/frame.h"
 #include "proto/job.h"
@@ -125,7 +126,8 @@ struct Event {
 
 using Message = std::variant<PutSet, SetStored, PutCapture, PutRig, RigStored, LivePlan, Submit, Submitted,
                              PutMetrics, GetStatus, Status, Ready, Lease, FetchSet, SetData, Heartbeat,
-                             LeaseLost, Finish, Committed, Fail, Accepted, Rejected, Event>;
+                             LeaseLost, Finish, Committed, Fail, Accepted, Rejected, Event, StartCapture,
+                             StopCapture, GetCapture, GetPreview, CaptureState>;
 
 struct Envelope {
   std::uint64_t request = 0;  // 0: no reply expected

@@ -116,7 +116,18 @@ std::vector<Message> one_of_each() {
           Fail{41, error},
           Accepted{},
           Rejected{error},
-          Event{5, "set-stored", "burst", "text"}};
+          Event{5, "set-stored", "burst", "text"},
+          StartCapture{CaptureKind::Burst, 30, "burst"},
+          StopCapture{},
+          GetCapture{},
+          GetPreview{"cam00"},
+          CaptureState{CapturePhase::Draining,
+                       "burst",
+                       CaptureKind::Dark,
+                       30,
+                       7,
+                       6,
+                       {{"cam00", "127.0.0.2", true, 7, {{"missed", 1}}, 0.25}}}};
 }
 
 TEST(Codec, EveryMessageSurvivesARoundTrip) {
