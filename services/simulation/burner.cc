@@ -1,0 +1,46 @@
+#include "services/simulation/burner.h"
+
+#include <utility>
+
+namespace flamefield {
+
+SimulatedBurner::SimulatedBurner(Options options, std::shared_ptr<const FlameFilm> film)
+    : options_(std::move(options)), film_(std::move(film)) {}
+
+void SimulatedBurner::show(CaptureKind kind) {
+  const std::scoped_lock lock(mutex_);
+  showing_ = kind;
+}
+
+std::shared_ptr<const Image> SimulatedBurner::even_light(std::size_t camera, double electrons) const {
+  const Camera& c = options_.true_rig.cameras[camera];
+  return std::make_shared<const Image>(c.image_width_px, c.image_height_px, static_cast<float>(electrons));
+}
+
+std::shared_ptr<const Image> SimulatedBurner::picture(std::size_t camera, const Pulse& pulse) const {
+  const CaptureKind showing = [&] {
+    const std::scoped_lock lock(mutex_);
+    return showing_;
+  }();
+  switch (showing) {
+    case CaptureKind::Dark:
+      return nullptr;
+    case CaptureKind::Background:
+      return even_light(camera, options_.room_electrons);
+    case CaptureKind::Flat:
+      return even_light(camera, options_.flat_electrons);
+    case CaptureKind::Board: {
+      const auto pose = static_cast<std::size_t>(pulse.index) % options_.world_from_board.size();
+      return std::make_shared<const Image>(
+          render_board(options_.true_rig.cameras[camera], options_.world_from_board[pose], options_.board));
+    }
+    case CaptureKind::Burst:
+    case CaptureKind::Live:
+      break;
+  }
+  auto picture = film_->picture(camera, pulse.index);
+  for (float& electrons : picture->pixels) electrons += static_cast<float>(options_.room_electrons);
+  return picture;
+}
+
+}  // namespace flamefield

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <string_view>
+#include <vector>
+
+#include "acquire/simulator/board_scene.h"
+#include "acquire/simulator/scene.h"
+#include "proto/frame.h"
+#include "proto/rig.h"
+#include "services/simulation/flame_film.h"
+
+namespace flamefield {
+
+// The laboratory in front of the simulated cameras: a board that someone turns, a burner, a room, lens caps.
+class SimulatedBurner {
+ public:
+  struct Options {
+    Rig true_rig;  // where the cameras really stand
+    BoardScene board;
+    std::vector<Rigid3> world_from_board;  // one pose a pulse, then over again
+    double room_electrons = 6;             // stray light on every pixel while the lenses are open
+    double flat_electrons = 900;           // the evenly lit screen of a flat-field capture
+  };
+  SimulatedBurner(Options options, std::shared_ptr<const FlameFilm> film);
+
+  // What the experimenter prepares before a capture: caps on for dark, the flame out for background, ...
+  void show(CaptureKind kind);
+
+  // The cameras' view of it. Safe to call from all camera threads while show() changes what there is.
+  std::shared_ptr<const Image> picture(std::size_t camera, const Pulse& pulse) const;
+
+ private:
+  std::shared_ptr<const Image> even_light(std::size_t camera, double electrons) const;
+
+  Options options_;
+  std::shared_ptr<const FlameFilm> film_;
+  mutable std::mutex mutex_;
+  CaptureKind showing_ = CaptureKind::Dark;
+};
+
+}  // namespace flamefield
