@@ -1,65 +1,25 @@
 #include "services/cli/app.h"
 
-#include <pthread.h>
-#include <signal.h>
 #include <sys/resource.h>
-#include <time.h>
-#include <unistd.h>
 
 #include <CLI/CLI.hpp>
 #include <array>
-#include <chrono>
 #include <iostream>
-#include <thread>
 
 #include "proto/check.h"
 #include "proto/version.h"
 #include "services/cli/commands.h"
 #include "services/config/suggestion.h"
+#include "services/process/signals.h"
 
 namespace flamefield {
 
 namespace {
 
 // One row a command, in the order of the help.
-constexpr std::array kCommands = {&add_phantom,  &add_ring, &add_render,  &add_prepare,  &add_reconstruct,
-                                  &add_evaluate, &add_show, &add_convert, &add_calibrate};
-
-// Turns SIGINT and SIGTERM into a stop request. Threads started later inherit the blocked mask, so that the
-// watcher alone receives them.
-class SignalWatcher {
- public:
-  SignalWatcher() {
-    ::sigemptyset(&signals_);
-    ::sigaddset(&signals_, SIGINT);
-    ::sigaddset(&signals_, SIGTERM);
-    ::pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
-    ::signal(SIGXFSZ, SIG_IGN);  // a full quota is an error of write(), not the end of the process
-    ::signal(SIGPIPE, SIG_IGN);
-    thread_ = std::jthread([this](const std::stop_token& end) { watch(end); });
-  }
-  std::stop_token token() const { return source_.get_token(); }
-
- private:
-  void watch(const std::stop_token& end) {
-    auto first = Clock::now();
-    while (!end.stop_requested()) {
-      const timespec poll{0, 100'000'000};
-      const int signal = ::sigtimedwait(&signals_, nullptr, &poll);
-      if (signal < 0) continue;
-      if (!source_.stop_requested()) first = Clock::now();
-      // Shells and wrappers may deliver one Ctrl-C twice.
-      if (source_.stop_requested() && Clock::now() - first > std::chrono::milliseconds(500))
-        ::_exit(static_cast<int>(ExitCode::Failed));
-      source_.request_stop();
-    }
-  }
-
-  using Clock = std::chrono::steady_clock;
-  sigset_t signals_{};
-  std::stop_source source_;
-  std::jthread thread_;
-};
+constexpr std::array kCommands = {&add_demo,        &add_serve,    &add_capture, &add_runs,    &add_status,
+                                  &add_calibrate,   &add_phantom,  &add_ring,    &add_render,  &add_prepare,
+                                  &add_reconstruct, &add_evaluate, &add_show,    &add_convert, &add_simulate};
 
 int report(ExitCode code, const std::string& message) {
   std::cerr << "flamefield: " << message << '\n';
@@ -117,8 +77,8 @@ void Session::check_stop() const {
 }
 
 int run_command_line(int argc, char** argv) {
-  const SignalWatcher watcher;
-  Session session(watcher.token());
+  const SignalStop signals;
+  Session session(signals.token());
   CLI::App app("3D emission fields of flames from a ring of cameras", "flamefield");
   app.set_version_flag("--version", concat("flamefield ", program_version()));
   app.require_subcommand(1);

@@ -18,5 +18,11 @@ void add_evaluate(CLI::App& app, Session& session);
 void add_show(CLI::App& app, Session& session);
 void add_convert(CLI::App& app, Session& session);
 void add_calibrate(CLI::App& app, Session& session);
+void add_demo(CLI::App& app, Session& session);
+void add_serve(CLI::App& app, Session& session);
+void add_simulate(CLI::App& app, Session& session);
+void add_capture(CLI::App& app, Session& session);  // and stop
+void add_runs(CLI::App& app, Session& session);
+void add_status(CLI::App& app, Session& session);
 
 }  // namespace flamefield

@@ -39,6 +39,7 @@ struct LabConfig {
   // [bus]; empty: within the process
   std::string dispatcher_endpoint;       // dispatcher, e.g. "tcp://10.0.0.1:7300"
   std::string events_endpoint;           // events
+  std::string acquisition_endpoint;      // acquisition
   std::filesystem::path keys_directory;  // keys: CURVE key files; empty: beside the data
   // [reconstruction]; paths are relative to lab.toml
   std::filesystem::path rig;                  // rig

@@ -42,11 +42,11 @@ struct JobRow {
 
 // All conditions must hold; empty ones always do.
 struct RunFilter {
-  std::string capture;
-  std::string rig_id;
-  std::string solver;
+  std::string capture = {};
+  std::string rig_id = {};
+  std::string solver = {};
   std::int64_t since_ns = 0;           // finished at or after
-  std::optional<std::int64_t> inputs;  // number of sets that went in: 1 leaves the means out
+  std::optional<std::int64_t> inputs = {};  // number of sets that went in: 1 leaves the means out
   std::int64_t limit = 1000;           // newest first when it cuts
 };
 

@@ -1,5 +1,6 @@
 #include "services/process/signals.h"
 
+#include <chrono>
 #include <csignal>
 #include <ctime>
 
@@ -21,13 +22,19 @@ SignalStop::SignalStop() {
   const sigset_t set = watched();
   ::pthread_sigmask(SIG_BLOCK, &set, nullptr);  // inherited by every thread from here on
   std::signal(SIGXFSZ, SIG_IGN);                // a file that grows too large is an error, not the end
+  std::signal(SIGPIPE, SIG_IGN);
   watcher_ = std::jthread([this](std::stop_token end) {
+    using Clock = std::chrono::steady_clock;
     const sigset_t waited = watched();
     const timespec tick{0, 100'000'000};
+    auto first = Clock::now();
     while (!end.stop_requested()) {
       const int got = ::sigtimedwait(&waited, nullptr, &tick);
       if (got <= 0) continue;
-      if (source_.stop_requested()) ::_Exit(128 + got);
+      if (!source_.stop_requested()) first = Clock::now();
+      // Shells and wrappers may deliver one Ctrl-C twice.
+      if (source_.stop_requested() && Clock::now() - first > std::chrono::milliseconds(500))
+        ::_Exit(128 + got);
       source_.request_stop();
     }
   });

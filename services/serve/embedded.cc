@@ -1,0 +1,131 @@
+#include "services/serve/embedded.h"
+
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <mutex>
+#include <optional>
+#include <thread>
+
+#include "services/dispatcher/dispatcher.h"
+#include "services/gateway/gateway.h"
+#include "services/log/log.h"
+#include "services/serve/gateway_sources.h"
+#include "services/worker/reconstruct_job.h"
+#include "services/worker/worker.h"
+
+namespace flamefield {
+
+namespace {
+
+// Recording must not wait for arithmetic: this thread, and those it starts, yield to all others.
+void lower_priority() {
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), 10);
+}
+
+int threads_for_each(const EmbeddedOptions& options) {
+  if (options.threads_per_worker > 0) return options.threads_per_worker;
+  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+  return std::max(1, cores / std::max(1, options.workers));
+}
+
+}  // namespace
+
+struct Embedded::Impl {
+  std::unique_ptr<Dispatcher> dispatcher;
+  std::unique_ptr<Acquisition> acquisition;
+  std::vector<std::unique_ptr<Worker>> workers;
+  std::unique_ptr<Gateway> gateway;
+  std::string page_url;
+
+  std::mutex mutex;
+  std::optional<Error> failed;
+
+  // In the order in which they may stop; each member's thread ends before the ones above it.
+  std::jthread dispatcher_thread, acquisition_thread;
+  std::vector<std::jthread> worker_threads;
+  std::jthread gateway_thread;
+
+  void note(const std::string& service, const Result<>& result) {
+    if (result) return;
+    log_event(LogLevel::Error, "service-failed", {{"service", service}, {"error", result.error().message}});
+    const std::scoped_lock lock(mutex);
+    if (!failed) failed = result.error();
+  }
+};
+
+Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOptions& options) {
+  auto impl = std::make_unique<Impl>();
+  Impl& s = *impl;
+
+  // First everything that can be refused, then the threads.
+  DispatcherOptions dispatcher;
+  dispatcher.data_dir = options.data_dir;
+  dispatcher.endpoints = options.dispatcher_endpoints;
+  dispatcher.event_endpoints = options.event_endpoints;
+  auto opened = Dispatcher::open(bus, dispatcher);
+  if (!opened) return tl::unexpected(opened.error());
+  s.dispatcher = std::move(*opened);
+  if (options.http_port >= 0) {
+    HttpServerOptions http;
+    http.port = static_cast<std::uint16_t>(options.http_port);
+    auto gateway = Gateway::open(
+        http, gateway_sources(bus, "client", options.acquisition.endpoints.front(),
+                              options.dispatcher_endpoints.front(), options.data_dir, options.report));
+    if (!gateway) return tl::unexpected(gateway.error());
+    s.gateway = std::move(*gateway);
+    s.page_url = s.gateway->url();
+  }
+  if (!options.acquisition.cameras.empty()) {
+    auto acquisition = Acquisition::open(bus, options.acquisition);
+    if (!acquisition) return tl::unexpected(acquisition.error());
+    s.acquisition = std::move(*acquisition);
+  }
+
+  s.dispatcher_thread =
+      std::jthread([&s](std::stop_token stop) { s.note("dispatcher", s.dispatcher->run(stop)); });
+  if (s.acquisition) {
+    s.acquisition_thread =
+        std::jthread([&s](std::stop_token stop) { s.note("acquisition", s.acquisition->run(stop)); });
+  }
+  for (int i = 0; i < options.workers; ++i) {
+    WorkerOptions worker;
+    worker.endpoint = options.dispatcher_endpoints.front();
+    worker.data_dir = options.data_dir;
+    worker.threads = threads_for_each(options);
+    s.workers.push_back(
+        std::make_unique<Worker>(bus, worker, make_reconstruct_step({options.data_dir, worker.threads})));
+    s.worker_threads.emplace_back([&s, w = s.workers.back().get()](std::stop_token stop) {
+      lower_priority();
+      s.note("worker", w->run(stop));
+    });
+  }
+  if (s.gateway) s.gateway_thread = std::jthread([&s](std::stop_token stop) { s.gateway->run(stop); });
+  return std::unique_ptr<Embedded>(new Embedded(std::move(impl)));
+}
+
+Embedded::Embedded(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Embedded::~Embedded() {
+  const auto end = [](std::jthread& thread) {
+    thread.request_stop();
+    if (thread.joinable()) thread.join();
+  };
+  end(impl_->acquisition_thread);  // drains into the dispatcher
+  for (auto& worker : impl_->worker_threads) worker.request_stop();
+  for (auto& worker : impl_->worker_threads) end(worker);
+  end(impl_->gateway_thread);
+  end(impl_->dispatcher_thread);
+}
+
+const std::string& Embedded::page_url() const {
+  return impl_->page_url;
+}
+
+std::optional<Error> Embedded::failed() const {
+  const std::scoped_lock lock(impl_->mutex);
+  return impl_->failed;
+}
+
+}  // namespace flamefield

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "services/acquisition/acquisition.h"
+#include "services/bus/bus.h"
+
+namespace flamefield {
+
+struct EmbeddedOptions {
+  std::filesystem::path data_dir;
+  // Cameras, their settings and what surrounds a capture. No cameras: no acquisition.
+  AcquisitionOptions acquisition;
+  std::vector<std::string> dispatcher_endpoints = {"inproc://dispatcher"};
+  std::vector<std::string> event_endpoints = {"inproc://events"};
+  int workers = 1;
+  int threads_per_worker = 0;    // 0: all cores, shared out
+  int http_port = 8080;          // of the live page on 127.0.0.1; 0: any free one, negative: no page
+  std::filesystem::path report;  // linked from the live page; empty: none
+};
+
+// Every service in one process, each in a thread of its own, talking over the same bus as separate processes
+// would. Recording goes first: reconstruction runs at a lower priority than everything else.
+class Embedded {
+ public:
+  // Starts all. Unavailable: a camera does not answer, a port or an endpoint is in use, the ledger is locked.
+  static Result<std::unique_ptr<Embedded>> start(Bus& bus, const EmbeddedOptions& options);
+
+  // Stops in the order of the data's way: cameras, storing, work, page. What was captured is stored first.
+  ~Embedded();
+
+  const std::string& page_url() const;  // empty: no page
+
+  // The first service that failed since the start; none while all is well.
+  std::optional<Error> failed() const;
+
+ private:
+  struct Impl;
+  explicit Embedded(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace flamefield

@@ -1,0 +1,34 @@
+#include "services/serve/live_planner.h"
+
+namespace flamefield {
+
+Result<> LivePlanner::start() {
+  const auto accepted = dispatcher_.ask_for<Accepted>(LivePlan{.on = true, .processing = processing_},
+                                                      std::chrono::seconds(10));
+  if (!accepted) return tl::unexpected(accepted.error());
+  return {};
+}
+
+Result<> LivePlanner::watch(const CaptureState& state) {
+  if (state.phase != CapturePhase::Idle || state.id.empty() || state.id == known_ || state.sets == 0)
+    return {};
+  known_ = state.id;
+  switch (state.kind) {
+    case CaptureKind::Dark:
+      processing_.dark_capture = state.id;
+      return start();
+    case CaptureKind::Background:
+      processing_.background_capture = state.id;
+      return start();
+    case CaptureKind::Flat:
+      processing_.flat_capture = state.id;
+      return start();
+    case CaptureKind::Board:
+    case CaptureKind::Burst:
+    case CaptureKind::Live:
+      break;
+  }
+  return {};
+}
+
+}  // namespace flamefield

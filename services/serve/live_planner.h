@@ -1,0 +1,31 @@
+#pragma once
+
+#include <optional>
+
+#include "proto/capture.h"
+#include "proto/job.h"
+#include "services/bus/client.h"
+
+namespace flamefield {
+
+// Keeps the dispatcher's live plan up to date: every set of a burst becomes a volume with the given rig,
+// recipe and grid, and with the newest dark, background and flat captures.
+class LivePlanner {
+ public:
+  // `processing` names the rig, which the dispatcher must have.
+  LivePlanner(Client dispatcher, Processing processing)
+      : dispatcher_(std::move(dispatcher)), processing_(std::move(processing)) {}
+
+  // Tells the dispatcher the plan as it stands.
+  Result<> start();
+
+  // To be called with the array's state now and then; a reference capture that ended enters the plan.
+  Result<> watch(const CaptureState& state);
+
+ private:
+  Client dispatcher_;
+  Processing processing_;
+  std::string known_;  // capture that watch() has already dealt with
+};
+
+}  // namespace flamefield

@@ -1,0 +1,132 @@
+#include "services/serve/records_json.h"
+
+#include <cstdio>
+#include <ctime>
+#include <nlohmann/json.hpp>
+
+namespace flamefield {
+
+using Json = nlohmann::ordered_json;
+
+std::string utc_text(std::int64_t time_ns) {
+  if (time_ns == 0) return {};
+  const std::time_t seconds = time_ns / 1'000'000'000;
+  std::tm utc{};
+  gmtime_r(&seconds, &utc);
+  char day[32], text[48];
+  std::strftime(day, sizeof day, "%Y-%m-%dT%H:%M:%S", &utc);
+  std::snprintf(text, sizeof text, "%s.%03dZ", day, static_cast<int>(time_ns / 1'000'000 % 1000));
+  return text;
+}
+
+Json json_of(const RunRow& row) {
+  const Run& run = row.run;
+  Json inputs = Json::array();
+  for (const SetId& id : run.inputs) inputs.push_back({{"capture", id.capture}, {"index", id.index}});
+  Json settings = Json::object();
+  for (const auto& [key, value] : run.processing.recipe.settings) {
+    std::visit([&, k = key](const auto& v) { settings[k] = v; }, value);
+  }
+  return {{"id", run.id},
+          {"inputs", std::move(inputs)},
+          {"solver", run.solver},
+          {"settings", std::move(settings)},
+          {"recipe", fingerprint(run.processing.recipe)},
+          {"rig", run.processing.rig_id},
+          {"program_version", run.program_version},
+          {"worker", run.worker},
+          {"volume", run.volume_path},
+          {"volume_bytes", run.volume_bytes},
+          {"volume_fingerprint", run.volume_fingerprint},
+          {"projections", run.projections_path},
+          {"iterations", run.iterations},
+          {"residual", run.residual},
+          {"residual_per_view", run.residual_per_view},
+          {"stop_reason", run.stop_reason},
+          {"projector_engine", run.projector_engine},
+          {"metrics", run.metrics},
+          {"provenance", run.provenance},
+          {"queue_s", run.timings.queue_s},
+          {"fetch_s", run.timings.fetch_s},
+          {"prepare_s", run.timings.prepare_s},
+          {"solve_s", run.timings.solve_s},
+          {"write_s", run.timings.write_s},
+          {"started", utc_text(run.started_time_ns)},
+          {"finished", utc_text(run.finished_time_ns)}};
+}
+
+Json json_of(const Receipt& receipt) {
+  Json cameras = Json::array();
+  for (const auto& line : receipt.cameras) {
+    cameras.push_back({{"camera", line.camera},
+                       {"pulses", line.pulses},
+                       {"frames", line.frames},
+                       {"losses", line.losses},
+                       {"balances", line.balances()}});
+  }
+  Json failures = Json::array();
+  for (const auto& failure : receipt.failures) {
+    failures.push_back({{"run", failure.run_id}, {"reason", failure.reason}});
+  }
+  return {{"capture", receipt.capture.id},
+          {"kind", name_of(receipt.capture.kind)},
+          {"pulses", receipt.capture.pulses},
+          {"sets", receipt.sets},
+          {"volumes", receipt.volumes},
+          {"failed", receipt.failed},
+          {"pending", receipt.pending},
+          {"not_asked", receipt.not_asked},
+          {"combined_volumes", receipt.combined_volumes},
+          {"cameras", std::move(cameras)},
+          {"failures", std::move(failures)},
+          {"balances", receipt.balances()}};
+}
+
+Json json_of(const CaptureRow& row) {
+  return {{"capture", row.capture.id},
+          {"kind", name_of(row.capture.kind)},
+          {"started", utc_text(row.capture.started_time_ns)},
+          {"finished", utc_text(row.capture.finished_time_ns)},
+          {"pulses", row.capture.pulses},
+          {"sets", row.sets},
+          {"frames", row.frames},
+          {"losses", row.losses}};
+}
+
+Json json_of(const CaptureState& state) {
+  Json cameras = Json::array();
+  for (const auto& camera : state.cameras) {
+    cameras.push_back(
+        {{"name", camera.name},
+         {"address", camera.address},
+         {"connected", camera.connected},
+         {"frames", camera.frames},
+         {"losses", camera.losses},
+         {"newest_age_s", camera.newest_age_s < 0 ? Json(nullptr) : Json(camera.newest_age_s)}});
+  }
+  return {{"phase", name_of(state.phase)},        {"capture", state.id}, {"kind", name_of(state.kind)},
+          {"pulses_wanted", state.pulses_wanted}, {"sets", state.sets},  {"sets_stored", state.sets_stored},
+          {"cameras", std::move(cameras)}};
+}
+
+Json json_of(const Status& status) {
+  Json workers = Json::array(), waiting = Json::array();
+  for (const auto& worker : status.workers) {
+    workers.push_back({{"name", worker.name},
+                       {"job", worker.job_id == 0 ? Json(nullptr) : Json(worker.job_id)},
+                       {"silent_s", worker.silent_s}});
+  }
+  for (const auto& job : status.waiting) waiting.push_back({{"job", job.job_id}, {"why", job.why}});
+  return {{"program_version", status.program_version},
+          {"sets", status.sets},
+          {"runs", status.runs},
+          {"queued", status.queued},
+          {"leased", status.leased},
+          {"done", status.done},
+          {"failed", status.failed},
+          {"workers", std::move(workers)},
+          {"waiting", std::move(waiting)},
+          {"counters", status.counters}};
+}
+
+}  // namespace flamefield
