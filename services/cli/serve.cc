@@ -109,7 +109,7 @@ void run(const Options& options, const Session& session) {
   auto operating = or_fail(Operator::connect(bus, "client", "inproc://acquisition", "inproc://dispatcher"));
 
   std::cout << "serving " << lab.data_directory.string() << ": " << embedded.acquisition.cameras.size()
-            << (laboratory ? " simulated" : "") << " cameras, " << lab.workers << " workers\n"
+            << (laboratory ? " simulated" : "") << " cameras\n"
             << "live page " << services->page_url() << "\n"
             << (planner ? "" : "no rig: sets are stored, not reconstructed (--rig rig.yaml)\n")
             << "Ctrl-C drains and stops" << std::endl;

@@ -44,7 +44,7 @@ struct LabConfig {
   // [reconstruction]; paths are relative to lab.toml
   std::filesystem::path rig;                  // rig
   std::filesystem::path recipe;               // recipe
-  int workers = 1;                            // workers, [0, 256]
+  int workers = 0;                            // workers, [0, 256]; 0: one a core
   int threads_per_worker = 0;                 // threads, [0, 1024]; 0: all
   Grid domain = centred_grid(52, 55, 52, 1);  // size = [NX, NY, NZ], spacing_mm, origin_mm = [X, Y, Z]
 };

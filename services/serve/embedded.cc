@@ -24,10 +24,12 @@ void lower_priority() {
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), 10);
 }
 
-int threads_for_each(const EmbeddedOptions& options) {
-  if (options.threads_per_worker > 0) return options.threads_per_worker;
-  const int cores = std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  return std::max(1, cores / std::max(1, options.workers));
+int cores() {
+  return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+int threads_for_each(int workers, int threads_per_worker) {
+  return threads_per_worker > 0 ? threads_per_worker : std::max(1, cores() / workers);
 }
 
 }  // namespace
@@ -89,11 +91,12 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
     s.acquisition_thread =
         std::jthread([&s](std::stop_token stop) { s.note("acquisition", s.acquisition->run(stop)); });
   }
-  for (int i = 0; i < options.workers; ++i) {
+  const int workers = options.workers > 0 ? options.workers : cores();
+  for (int i = 0; i < workers; ++i) {
     WorkerOptions worker;
     worker.endpoint = options.dispatcher_endpoints.front();
     worker.data_dir = options.data_dir;
-    worker.threads = threads_for_each(options);
+    worker.threads = threads_for_each(workers, options.threads_per_worker);
     s.workers.push_back(
         std::make_unique<Worker>(bus, worker, make_reconstruct_step({options.data_dir, worker.threads})));
     s.worker_threads.emplace_back([&s, w = s.workers.back().get()](std::stop_token stop) {

@@ -64,7 +64,7 @@ Result<FlameFilm> FlameFilm::render(const FlameFilmOptions& options, const Rig& 
       if (stop.stop_requested()) return unavailable("rendering the flame", "stopped", "run it again");
       const Window w = window_of(camera, field.grid);
       const Camera part = cropped_and_binned(camera, w.x0_px, w.y0_px, w.width_px, w.height_px, 1);
-      Patch patch{w.x0_px, w.y0_px, renderer.view(part, {.pixel_samples = 2})};
+      Patch patch{w.x0_px, w.y0_px, renderer.view(part, {})};
       brightest = std::max(brightest, std::ranges::max(patch.image.pixels));
       patches.push_back(std::move(patch));
       progress(++done, total);

@@ -30,8 +30,9 @@ class FlameFilm {
  public:
   using Progress = std::function<void(int done, int total)>;
 
-  // Renders all views of all frames. The rays cross a field finer than the reconstruction's, with two by two
-  // rays a sensor pixel, so that no later result rests on an inverse crime. Unavailable when stopped.
+  // Renders all views of all frames. The rays cross a field finer than the reconstruction's, one for each
+  // pixel of the sensor, which is itself finer than what is reconstructed from; so no later result rests on
+  // an inverse crime. Unavailable when stopped.
   static Result<FlameFilm> render(const FlameFilmOptions& options, const Rig& rig, const Progress& progress,
                                   std::stop_token stop);
 

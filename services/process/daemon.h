@@ -1,0 +1,17 @@
+#pragma once
+
+#include <functional>
+
+#include "proto/error.h"
+
+namespace CLI {
+class App;
+}
+
+namespace flamefield {
+
+// What every daemon's main does: parse, serve until the end, report. Exit code 0: served and stopped; 1: the
+// work failed; 2: usage or configuration (InvalidInput).
+int run_daemon(CLI::App& app, int argc, char** argv, const std::function<Result<>()>& serve);
+
+}  // namespace flamefield
