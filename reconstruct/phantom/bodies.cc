@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "reconstruct/phantom/flame.h"
 
@@ -9,26 +10,36 @@ namespace flamefield {
 
 namespace {
 
-template <class Field>
-Volume cell_averages(const Grid& grid, const Field& field) {
-  constexpr int kSamples = 5;  // per axis
+constexpr int kSamples = 5;  // per axis of a cell
+
+// Offsets of the samples from a cell's middle, in cells.
+double sample_offset(int sample) {
+  return (sample + 0.5) / kSamples - 0.5;
+}
+
+// A body filled with 1, given the distance to its surface (negative inside). Only cells that the surface can
+// cross are sampled: a distance changes by no more than the way.
+template <class Distance>
+Volume filled_body(const Grid& grid, const Distance& distance) {
   const Eigen::Vector3d centre = 0.5 * (grid.lower_mm() + grid.upper_mm());
   const double side = (grid.upper_mm() - grid.lower_mm()).minCoeff();
+  const double reach = 0.5 * grid.spacing_mm.norm() / side;
   Volume out(grid);
+  const auto cell_average = [&](const Eigen::Vector3d& middle) {
+    int inside = 0;
+    for (int s = 0; s < kSamples * kSamples * kSamples; ++s) {
+      const Eigen::Vector3d offset(sample_offset(s % kSamples), sample_offset(s / kSamples % kSamples),
+                                   sample_offset(s / kSamples / kSamples));
+      inside += distance(Eigen::Vector3d(middle + grid.spacing_mm.cwiseProduct(offset) / side)) < 0;
+    }
+    return static_cast<float>(inside) / static_cast<float>(kSamples * kSamples * kSamples);
+  };
   for (int z = 0; z < grid.nz; ++z)
     for (int y = 0; y < grid.ny; ++y)
       for (int x = 0; x < grid.nx; ++x) {
-        double sum = 0;
-        for (int s = 0; s < kSamples * kSamples * kSamples; ++s) {
-          const Eigen::Vector3d sub =
-              (Eigen::Vector3d(s % kSamples, s / kSamples % kSamples, s / kSamples / kSamples).array() +
-               0.5) /
-                  kSamples -
-              0.5;
-          const Eigen::Vector3d p = grid.voxel_centre_mm(x, y, z) + grid.spacing_mm.cwiseProduct(sub);
-          sum += field(Eigen::Vector3d((p - centre) / side));
-        }
-        out.at(x, y, z) = static_cast<float>(sum / (kSamples * kSamples * kSamples));
+        const Eigen::Vector3d middle = (grid.voxel_centre_mm(x, y, z) - centre) / side;
+        const double d = distance(middle);
+        out.at(x, y, z) = d > reach ? 0.0f : d < -reach ? 1.0f : cell_average(middle);
       }
   return out;
 }
@@ -37,24 +48,41 @@ Volume cell_averages(const Grid& grid, const Field& field) {
 
 Volume make_torus(const Grid& grid) {
   constexpr double kRing = 0.27, kTube = 0.11;
-  return cell_averages(grid, [](const Eigen::Vector3d& p) {
-    const double off = std::hypot(p.x(), p.z()) - kRing;
-    return off * off + p.y() * p.y() < kTube * kTube ? 1.0 : 0.0;
+  return filled_body(grid, [](const Eigen::Vector3d& p) {
+    return std::hypot(std::hypot(p.x(), p.z()) - kRing, p.y()) - kTube;
   });
 }
 
 Volume make_hollow_sphere(const Grid& grid) {
   constexpr double kInner = 0.22, kOuter = 0.35;
-  return cell_averages(grid, [](const Eigen::Vector3d& p) {
+  return filled_body(grid, [](const Eigen::Vector3d& p) {
     const double r = p.norm();
-    return r > kInner && r < kOuter ? 1.0 : 0.0;
+    return std::max(kInner - r, r - kOuter);
   });
 }
 
+// exp(-r^2) is a product over the axes, and so is its average over a cell.
 Volume make_gaussian(const Grid& grid) {
   constexpr double kSigma = 0.13;
-  return cell_averages(
-      grid, [](const Eigen::Vector3d& p) { return std::exp(-p.squaredNorm() / (2 * kSigma * kSigma)); });
+  const Eigen::Vector3d centre = 0.5 * (grid.lower_mm() + grid.upper_mm());
+  const double side = (grid.upper_mm() - grid.lower_mm()).minCoeff();
+  const auto averages_along = [&](Eigen::Index axis, int cells) {
+    std::vector<double> out(static_cast<std::size_t>(cells), 0.0);
+    for (int i = 0; i < cells; ++i)
+      for (int s = 0; s < kSamples; ++s) {
+        const double at_mm = grid.origin_mm[axis] + (i + sample_offset(s)) * grid.spacing_mm[axis];
+        const double p = (at_mm - centre[axis]) / side;
+        out[static_cast<std::size_t>(i)] += std::exp(-p * p / (2 * kSigma * kSigma)) / kSamples;
+      }
+    return out;
+  };
+  const auto x = averages_along(0, grid.nx), y = averages_along(1, grid.ny), z = averages_along(2, grid.nz);
+  Volume out(grid);
+  std::size_t i = 0;
+  for (double at_z : z)
+    for (double at_y : y)
+      for (double at_x : x) out.values[i++] = static_cast<float>(at_x * at_y * at_z);
+  return out;
 }
 
 }  // namespace flamefield

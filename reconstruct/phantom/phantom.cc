@@ -26,6 +26,10 @@ std::string_view name_of(PhantomKind kind) {
   return "unknown";
 }
 
+bool evolves(PhantomKind kind) {
+  return kind == PhantomKind::Bunsen || kind == PhantomKind::Swirl || kind == PhantomKind::Stratified;
+}
+
 std::optional<PhantomKind> phantom_kind_from_name(std::string_view name) {
   for (const Row& row : kRows)
     if (row.name == name) return row.kind;

@@ -10,6 +10,7 @@ namespace flamefield {
 
 enum class PhantomKind { Torus, HollowSphere, Gaussian, Bunsen, Swirl, Stratified };
 std::string_view name_of(PhantomKind kind);
+bool evolves(PhantomKind kind);  // flames do, the canonical bodies stand still
 std::optional<PhantomKind> phantom_kind_from_name(std::string_view name);
 
 struct PhantomOptions {

@@ -48,7 +48,7 @@ Result<FlameFilm> FlameFilm::render(const FlameFilmOptions& options, const Rig& 
                                     std::stop_token stop) {
   FlameFilm film;
   film.rig_ = rig;
-  const int distinct = options.field ? 1 : options.frames;
+  const int distinct = options.field || !evolves(options.kind) ? 1 : options.frames;
   const int total = distinct * static_cast<int>(rig.cameras.size());
   float brightest = 0;
   int done = 0;
