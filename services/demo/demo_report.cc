@@ -112,7 +112,10 @@ std::vector<std::pair<std::string, std::string>> parameters_of(const DemoRecord&
       {"rig", record.processing.rig_id},
       {"solver", record.processing.recipe.solver},
       {"recipe", fingerprint(record.processing.recipe)},
-      {"burst", record.burst}};
+      {"burst", record.burst},
+      {"mean of all pulses",
+       fmt::format("one volume; Pearson {:.4f}, SqMD {:.4f} with the mean of the known flames",
+                   record.summary.pearson_of_mean, record.summary.sqmd_of_mean)}};
   for (const auto& [key, value] : record.processing.recipe.settings) out.emplace_back(key, text_of(value));
   return out;
 }

@@ -78,6 +78,14 @@ std::int64_t lost_frames(const CaptureState& state) {
   return lost;
 }
 
+// Volumes of one set each that a capture has led to.
+std::int64_t volumes_of(LiveServices& services, const std::string& capture) {
+  auto reader = services.ledger();
+  if (!reader) return 0;
+  const auto receipt = reader->receipt(capture);
+  return receipt ? receipt->volumes : 0;
+}
+
 std::optional<RunRow> newest_run(LiveServices& services) {
   auto reader = services.ledger();
   if (!reader) return std::nullopt;
@@ -87,7 +95,7 @@ std::optional<RunRow> newest_run(LiveServices& services) {
 
 std::string status_json(LiveServices& services, const std::filesystem::path& report) {
   Json json = Json::object();
-  std::int64_t sets = 0, lost = 0, pulse = 0;
+  std::int64_t pulses = 0, sets = 0, volumes = 0, lost = 0;
   if (const auto array = services.ask_array<CaptureState>(GetCapture{})) {
     Json cameras = Json::array();
     for (const auto& camera : array->cameras) {
@@ -98,15 +106,18 @@ std::string status_json(LiveServices& services, const std::filesystem::path& rep
     }
     json["array"] = {{"state", array->phase == CapturePhase::Idle ? "idle" : "capturing"},
                      {"cameras", std::move(cameras)}};
-    if (!array->id.empty()) json["capture"] = {{"id", array->id}, {"kind", name_of(array->kind)}};
+    if (!array->id.empty()) {
+      json["capture"] = {{"id", array->id}, {"kind", name_of(array->kind)}};
+      volumes = volumes_of(services, array->id);
+    }
     sets = array->sets_stored;
-    pulse = array->sets;
+    pulses = array->sets;
     lost = lost_frames(*array);
     json["preview_pulse"] = concat(array->id, "/", array->sets);
   }
   if (const auto status = services.status()) {
-    json["counters"] = {{"pulses", pulse},          {"sets", sets},
-                        {"volumes", status->runs},  {"queued", status->queued + status->leased},
+    json["counters"] = {{"pulses", pulses},         {"sets", sets},
+                        {"volumes", volumes},       {"queued", status->queued + status->leased},
                         {"failed", status->failed}, {"lost_frames", lost}};
   }
   if (const auto run = newest_run(services)) json["newest_run"] = run->run.id;
