@@ -944,7 +944,8 @@ Result<Envelope> decode(std::span<const std::byte> header) {
   const auto refuse = [](std::string_view why) {
     return invalid_input("message on the bus", why, "drop it; is the sender of another version?");
   };
-  if (header.size() > kMaxHeaderBytes) return refuse("its header is larger than 16 MiB");
+  if (header.size() > kMaxHeaderBytes)
+    return refuse(concat("its header is larger than ", kMaxHeaderBytes >> 20, " MiB"));
   v1::Envelope wire;
   if (!wire.ParseFromArray(header.data(), static_cast<int>(header.size())))
     return refuse("its header is not an Envelope");

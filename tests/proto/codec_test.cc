@@ -166,9 +166,11 @@ TEST(Codec, RecipeSettingsKeepTheirTypes) {
 TEST(Codec, PixelsOfTheWrongSizeOrNumberAreRefused) {
   FrameSet set = small_set();
   const Bytes good = set.frames[0].bytes;
-  const Bytes cut = std::make_shared<const std::vector<std::byte>>(23);
+  const Bytes cut = std::make_shared<const std::vector<std::byte>>(good->size() - 1);
+  const Bytes longer = std::make_shared<const std::vector<std::byte>>(good->size() + 1);
   EXPECT_FALSE(attach_frames(set, {good}));
   EXPECT_FALSE(attach_frames(set, {good, cut}));
+  EXPECT_FALSE(attach_frames(set, {good, longer}));
   EXPECT_FALSE(attach_frames(set, {good, nullptr}));
 }
 
@@ -229,8 +231,17 @@ TEST(Codec, FlippedBytesNeverCrash) {
   }
 }
 
-TEST(Codec, AHugeHeaderIsRefusedBeforeItIsParsed) {
-  EXPECT_FALSE(decode(bytes_of(std::string(kMaxHeaderBytes + 1, '\n'))));
+// A sound message, followed by a field that a newer program may send: only its length can be held against it.
+TEST(Codec, AHugeHeaderIsRefusedThoughItsFieldsAreSound) {
+  const std::string message = encode(GetStatus{});
+  const auto padded = [&](unsigned bytes) {
+    std::string header = message + "\xc2\x3e";  // field 1000, of so many bytes:
+    for (unsigned left = bytes; left > 0; left >>= 7)
+      header += static_cast<char>((left & 127) | (left > 127 ? 128 : 0));
+    return header.append(bytes, '\0');
+  };
+  EXPECT_TRUE(decode(bytes_of(padded(1000))));
+  EXPECT_FALSE(decode(bytes_of(padded(kMaxHeaderBytes))));
 }
 
 TEST(Job, StagedPathKeepsTheExtension) {
