@@ -5,7 +5,11 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <thread>
+
 #include "acquire/discovery.h"
+#include "acquire/utc.h"
 #include "tests/acquire/array_fixture.h"
 
 namespace flamefield {
@@ -53,18 +57,29 @@ TEST(SimulatedArray, EveryCameraAnswersDiscoveryUnlessItsPowerIsOff) {
   EXPECT_TRUE(answers_discovery(addresses[1], std::chrono::milliseconds(600)));
 }
 
+// One edge is held up for twelve periods: those it delayed follow at once, and later ones are on time again.
+// The least delay of them is judged, as any single one may suffer from a busy machine.
 TEST(SignalGenerator, TrainKeepsItsScheduleHoweverLateAnEdgeIs) {
+  constexpr std::int64_t kPeriod_ns = 5'000'000, kPulses = 40, kHeld = 5, kHold_ns = 12 * kPeriod_ns;
   std::vector<Pulse> pulses;
-  SignalGenerator generator([&](const Pulse& pulse) { pulses.push_back(pulse); });
-  generator.start(200, 40);
-  ASSERT_TRUE(generator.wait_idle(std::chrono::seconds(5)));
-  ASSERT_EQ(pulses.size(), 40u);
-  for (std::size_t i = 0; i < pulses.size(); ++i) {
-    EXPECT_EQ(pulses[i].number, static_cast<std::int64_t>(i) + 1);
-    EXPECT_EQ(pulses[i].index, static_cast<std::int64_t>(i));
-    EXPECT_GE(pulses[i].time_ns, pulses[0].time_ns + static_cast<std::int64_t>(i) * 5'000'000 - 3'000'000);
+  SignalGenerator generator([&](const Pulse& pulse) {
+    pulses.push_back(pulse);
+    if (pulse.index == kHeld) std::this_thread::sleep_for(std::chrono::nanoseconds(kHold_ns));
+  });
+  const std::int64_t start_ns = utc_now_ns();
+  generator.start(1e9 / kPeriod_ns, kPulses);
+  ASSERT_TRUE(generator.wait_idle(std::chrono::seconds(30)));
+  ASSERT_EQ(pulses.size(), static_cast<std::size_t>(kPulses));
+  std::int64_t least_delay_ns = kHold_ns;
+  for (std::int64_t i = 0; i < kPulses; ++i) {
+    const Pulse& pulse = pulses[static_cast<std::size_t>(i)];
+    EXPECT_EQ(pulse.number, i + 1);
+    EXPECT_EQ(pulse.index, i);
+    EXPECT_GE(pulse.time_ns, start_ns + i * kPeriod_ns - 1'000'000) << "two clocks may differ by a little";
+    if (i > kPulses / 2)
+      least_delay_ns = std::min(least_delay_ns, pulse.time_ns - pulses[0].time_ns - i * kPeriod_ns);
   }
-  EXPECT_LT(pulses.back().time_ns - pulses.front().time_ns, 39 * 5'000'000 + 100'000'000);
+  EXPECT_LT(least_delay_ns, kHold_ns / 2);
 }
 
 TEST(SignalGenerator, StopEndsAnEndlessTrainAndNumbersGoOn) {
