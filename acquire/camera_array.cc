@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <chrono>
 
-#include "acquire/utc.h"
 #include "proto/check.h"
+#include "proto/utc.h"
 
 namespace flamefield {
 

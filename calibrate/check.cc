@@ -5,17 +5,12 @@
 #include <set>
 
 #include "calibrate/bundle.h"
+#include "calibrate/median.h"
 #include "calibrate/start.h"
 
 namespace flamefield {
 
 namespace {
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 double rms_px(const Bundle& bundle, const BundleView& view) {
   double sum = 0;

@@ -2,17 +2,12 @@
 
 #include <algorithm>
 
+#include "calibrate/median.h"
 #include "calibrate/start.h"
 
 namespace flamefield {
 
 namespace {
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 const Camera* find_known(const CalibrationOptions& options, const std::string& name) {
   const auto at = std::ranges::find(options.known, name, &Camera::name);

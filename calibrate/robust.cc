@@ -3,17 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "calibrate/median.h"
 #include "calibrate/start.h"
 
 namespace flamefield {
 
 namespace {
-
-double median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Sigma of one coordinate from the median of all residuals: half of them may be wrong.
 double robust_sigma_px(const Bundle& bundle) {

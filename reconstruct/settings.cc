@@ -2,28 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
-#include "proto/check.h"
+#include "proto/nearest_name.h"
 
 namespace flamefield {
 
 namespace {
-
-// Levenshtein distance, one row at a time.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0]++;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t substituted = diagonal + (a[i] != b[j]);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({substituted, row[j + 1] + 1, row[j] + 1});
-    }
-  }
-  return row.back();
-}
 
 std::string range_text(const SettingField& field) {
   if (std::holds_alternative<bool*>(field.target)) return "true or false";
@@ -84,12 +68,6 @@ Result<> read_settings(std::string_view table, std::span<const SettingField> fie
     if (auto ok = store(name, *field, setting); !ok) return ok;
   }
   return {};
-}
-
-std::string_view nearest_name(std::string_view name, std::span<const std::string_view> candidates) {
-  expect(!candidates.empty(), "there is a name to suggest");
-  return *std::ranges::min_element(candidates, {},
-                                   [&](std::string_view c) { return edit_distance(name, c); });
 }
 
 }  // namespace flamefield

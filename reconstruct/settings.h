@@ -29,7 +29,4 @@ std::vector<SettingDoc> describe(std::span<const SettingField> fields);
 // known one), wrong type, out of range.
 Result<> read_settings(std::string_view table, std::span<const SettingField> fields, const Recipe& recipe);
 
-// The name with the smallest edit distance.
-std::string_view nearest_name(std::string_view name, std::span<const std::string_view> candidates);
-
 }  // namespace flamefield

@@ -4,6 +4,7 @@
 #include <chrono>
 #include <cmath>
 
+#include "proto/nearest_name.h"
 #include "reconstruct/metrics.h"
 #include "reconstruct/prepare.h"
 #include "reconstruct/problem.h"

@@ -2,8 +2,8 @@
 
 #include <chrono>
 
-#include "acquire/utc.h"
 #include "proto/check.h"
+#include "proto/utc.h"
 
 namespace flamefield {
 

@@ -12,7 +12,7 @@
 #include "acquire/simulator/big_endian.h"
 #include "acquire/simulator/genicam_xml.h"
 #include "acquire/simulator/registers.h"
-#include "acquire/utc.h"
+#include "proto/utc.h"
 
 namespace flamefield {
 

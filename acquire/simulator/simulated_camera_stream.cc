@@ -11,7 +11,7 @@
 #include "acquire/simulator/big_endian.h"
 #include "acquire/simulator/registers.h"
 #include "acquire/simulator/simulated_camera.h"
-#include "acquire/utc.h"
+#include "proto/utc.h"
 
 namespace flamefield {
 

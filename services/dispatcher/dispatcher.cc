@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "proto/utc.h"
 #include "proto/version.h"
 #include "services/dispatcher/orders.h"
 #include "services/dispatcher/roster.h"
@@ -19,12 +20,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::chrono::milliseconds kTick{50};
-
-std::int64_t utc_now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 std::int64_t to_ns(std::chrono::milliseconds duration) {
   return std::chrono::nanoseconds(duration).count();

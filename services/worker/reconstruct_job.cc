@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "proto/fingerprint.h"
+#include "proto/utc.h"
 #include "proto/version.h"
 #include "reconstruct/parallel.h"
 #include "reconstruct/prepare.h"
@@ -18,12 +19,6 @@ namespace flamefield {
 namespace {
 
 using Clock = std::chrono::steady_clock;
-
-std::int64_t utc_now_ns() {
-  return std::chrono::duration_cast<std::chrono::nanoseconds>(
-             std::chrono::system_clock::now().time_since_epoch())
-      .count();
-}
 
 // Seconds since the last call.
 class Lap {

@@ -14,7 +14,7 @@
 
 #include "acquire/camera_array.h"
 #include "acquire/simulator/simulated_array.h"
-#include "acquire/utc.h"
+#include "proto/utc.h"
 
 using namespace flamefield;
 
