@@ -4,7 +4,7 @@
 #include <map>
 
 #include "services/store/file.h"
-#include "services/store/h5.h"
+#include "services/store/h5_output.h"
 
 namespace flamefield {
 
@@ -212,10 +212,7 @@ Result<> write_frames(const std::filesystem::path& path, const std::vector<Frame
                       const Provenance& provenance) {
   auto cameras = by_camera(sets);
   if (!cameras) return tl::unexpected(cameras.error());
-  auto target = AtomicFile::create(path);
-  if (!target) return tl::unexpected(target.error());
-  auto written = h5_result(path, "write", [&]() -> Result<> {
-    H5File file = H5File::create(target->temporary_path());
+  return write_h5(path, [&](H5File& file) -> Result<> {
     file.set_text("default", "entry");
     H5Group entry = file.create_group("entry", "NXentry");
     write_sets(entry, sets);
@@ -223,13 +220,9 @@ Result<> write_frames(const std::filesystem::path& path, const std::vector<Frame
     for (const auto& [name, record] : *cameras) {
       if (auto ok = write_camera(instrument, name, record); !ok) return ok;
     }
-    H5Group origin = entry.create_group("provenance", "NXcollection");
-    for (const auto& [key, value] : provenance) origin.set_text(key, value);
-    file.flush();
+    write_provenance(entry, provenance);
     return {};
   });
-  if (!written) return written;
-  return target->commit();
 }
 
 Result<std::vector<FrameSet>> read_frames(const std::filesystem::path& path) {

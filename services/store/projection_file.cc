@@ -2,7 +2,7 @@
 
 #include "proto/check.h"
 #include "services/store/file.h"
-#include "services/store/h5.h"
+#include "services/store/h5_output.h"
 #include "services/store/npy.h"
 #include "services/store/volume_formats.h"
 
@@ -39,10 +39,7 @@ Result<Projections> read_nxs(const std::filesystem::path& path) {
 }
 
 Result<> write_nxs(const std::filesystem::path& path, const Projections& p, const Provenance& provenance) {
-  auto target = AtomicFile::create(path);
-  if (!target) return tl::unexpected(target.error());
-  auto written = h5_result(path, "write", [&]() -> Result<> {
-    H5File file = H5File::create(target->temporary_path());
+  return write_h5(path, [&](H5File& file) -> Result<> {
     file.set_text("default", "entry");
     H5Group entry = file.create_group("entry", "NXentry");
     entry.set_text("default", "data");
@@ -54,13 +51,9 @@ Result<> write_nxs(const std::filesystem::path& path, const Projections& p, cons
                       H5Layout::Checked);
     data.set_text("long_name", "line-of-sight integral (field unit x mm)", "data");
     data.write_texts("view", p.view_names);
-    H5Group origin = entry.create_group("provenance", "NXcollection");
-    for (const auto& [key, value] : provenance) origin.set_text(key, value);
-    file.flush();
+    write_provenance(entry, provenance);
     return {};
   });
-  if (!written) return written;
-  return target->commit();
 }
 
 // Values with a shape but without names.

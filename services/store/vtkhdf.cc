@@ -1,7 +1,7 @@
 #include <array>
 
 #include "services/store/file.h"
-#include "services/store/h5.h"
+#include "services/store/h5_output.h"
 #include "services/store/volume_formats.h"
 
 namespace flamefield {
@@ -47,8 +47,7 @@ void link_as_nexus(H5File& file, H5Group& points, const Grid& grid, const Proven
     data.write<double>(name, centres_mm, {centres_mm.size()});
     data.set_text("units", "mm", name);
   }
-  H5Group origin = entry.create_group("provenance", "NXcollection");
-  for (const auto& [key, value] : provenance) origin.set_text(key, value);
+  write_provenance(entry, provenance);
 }
 
 void refuse_rotation(const std::vector<double>& direction) {
@@ -81,19 +80,13 @@ Grid read_grid(const H5Group& vtk) {
 
 Result<> write_vtkhdf(const std::filesystem::path& path, const Volume& volume, const Provenance& provenance,
                       std::span<const float> sigma) {
-  auto target = AtomicFile::create(path);
-  if (!target) return tl::unexpected(target.error());
-  auto written = h5_result(path, "write", [&]() -> Result<> {
-    H5File file = H5File::create(target->temporary_path());
+  return write_h5(path, [&](H5File& file) -> Result<> {
     H5Group vtk = file.create_group("VTKHDF", "");
     write_field(vtk, volume, sigma);
     H5Group points = vtk.group("PointData");
     link_as_nexus(file, points, volume.grid, provenance);
-    file.flush();
     return {};
   });
-  if (!written) return written;
-  return target->commit();
 }
 
 Result<VolumeRecord> read_vtkhdf(const std::filesystem::path& path) {
