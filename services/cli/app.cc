@@ -78,7 +78,9 @@ void Session::check_stop() const {
 
 int run_command_line(int argc, char** argv) {
   const SignalStop signals;
-  Session session(signals.token());
+  std::string typed = "flamefield";
+  for (int i = 1; i < argc; ++i) typed.append(" ").append(argv[i]);
+  Session session(signals.token(), std::move(typed));
   CLI::App app("3D emission fields of flames from a ring of cameras", "flamefield");
   app.set_version_flag("--version", concat("flamefield ", program_version()));
   app.require_subcommand(1);

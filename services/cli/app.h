@@ -43,15 +43,18 @@ T or_fail_about(const std::filesystem::path& path, Result<T> result) {
 // What every command shares: the chosen work, and how to stop it.
 class Session {
  public:
-  explicit Session(std::stop_token stop) : stop_(std::move(stop)) {}
+  Session(std::stop_token stop, std::string command_line)
+      : stop_(std::move(stop)), command_line_(std::move(command_line)) {}
   void choose(std::function<void()> work) { work_ = std::move(work); }
   void run() const { work_(); }
   const std::stop_token& stop() const { return stop_; }
+  const std::string& command_line() const { return command_line_; }  // as it was typed
   // Ends the command when Ctrl-C was pressed. To be called between steps and before results are written.
   void check_stop() const;
 
  private:
   std::stop_token stop_;
+  std::string command_line_;
   std::function<void()> work_;
 };
 

@@ -18,9 +18,19 @@ void add_session(const std::filesystem::path& path, std::vector<BoardView>& view
   }
 }
 
-void add_camera_folder(const std::filesystem::path& folder, std::vector<BoardView>& views) {
-  for (const auto& image : or_fail(images_in(folder)))
-    views.push_back({folder.filename().string(), image.stem().string(), or_fail(read_grey_image(image))});
+void add_picture(const std::filesystem::path& picture, const Rig* rig, std::vector<BoardView>& views) {
+  const std::string name = picture.stem().string();
+  Image image = or_fail(read_grey_image(picture));
+  if (rig && rig->find(name)) {
+    views.push_back({name, "only", std::move(image)});
+  } else {
+    const auto folder = std::filesystem::absolute(picture).parent_path();
+    views.push_back({folder.filename().string(), name, std::move(image)});
+  }
+}
+
+void add_folder(const std::filesystem::path& folder, const Rig* rig, std::vector<BoardView>& views) {
+  for (const auto& picture : or_fail(images_in(folder))) add_picture(picture, rig, views);
 }
 
 std::vector<std::filesystem::path> folders_in(const std::filesystem::path& folder) {
@@ -34,17 +44,22 @@ std::vector<std::filesystem::path> folders_in(const std::filesystem::path& folde
 
 }  // namespace
 
-std::vector<BoardView> read_board_views(const std::vector<std::filesystem::path>& paths) {
+std::vector<BoardView> read_board_views(const std::vector<std::filesystem::path>& paths, const Rig* rig) {
   std::vector<BoardView> views;
+  std::error_code ignored;  // reading says it better
   for (const auto& given : paths) {
     if (given.extension() == ".nxs") {
       add_session(given, views);
       continue;
     }
+    if (std::filesystem::is_regular_file(given, ignored)) {
+      add_picture(given, rig, views);
+      continue;
+    }
     const auto path = given.has_filename() ? given : given.parent_path();
     const auto inner = folders_in(path);
-    if (inner.empty()) add_camera_folder(path, views);
-    for (const auto& folder : inner) add_camera_folder(folder, views);
+    if (inner.empty()) add_folder(path, rig, views);
+    for (const auto& folder : inner) add_folder(folder, rig, views);
   }
   if (views.empty()) {
     throw CommandFailure{ExitCode::Failed,

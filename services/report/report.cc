@@ -3,6 +3,7 @@
 #include "services/report/html.h"
 #include "services/report/picture.h"
 #include "services/report/report_sections.h"
+#include "services/store/file.h"
 
 namespace flamefield {
 namespace {
@@ -111,7 +112,7 @@ Result<std::string> report_html(const ReportData& data) {
 Result<> write_report(const std::filesystem::path& path, const ReportData& data) {
   const auto html = report_html(data);
   if (!html) return tl::unexpected(html.error());
-  return write_file_atomically(path, *html);
+  return write_text_file(path, *html);
 }
 
 }  // namespace flamefield

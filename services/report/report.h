@@ -65,6 +65,9 @@ struct ReportCalibration {
   double volume_error_mean_px = kUnknown;  // reprojection of the measuring volume, estimated against true rig
   double volume_error_worst_px = kUnknown;
   std::string volume_error_worst_camera;
+  double expected_error_mean_px = kUnknown;  // the same, as the covariance of the adjustment foresees it
+  double expected_error_worst_px = kUnknown;
+  std::string expected_error_worst_camera;
   std::vector<std::vector<double>> rms_px;  // (cameras, poses); unknown where a camera did not see the board
   std::vector<float> residuals_px;          // x and y of every corner
 };
@@ -98,8 +101,8 @@ struct ReportData {
 };
 
 // One HTML file that needs nothing else: inline pictures, plots and style, no scripts.
-// Unavailable: gnuplot is missing or the file cannot be written. InvalidInput: grids of truth and volume
-// differ.
+// Unavailable: gnuplot is missing. InvalidInput: grids of truth and volume differ, or the file cannot be
+// written.
 Result<std::string> report_html(const ReportData& data);
 Result<> write_report(const std::filesystem::path& path, const ReportData& data);
 

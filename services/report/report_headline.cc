@@ -77,6 +77,13 @@ void add_calibration(const ReportData& data, std::vector<std::vector<std::string
              "mean over cameras against the true rig; worst ", number(c.volume_error_worst_px), " px",
              c.volume_error_worst_camera.empty() ? "" : " (" + escaped(c.volume_error_worst_camera) + ")")});
   }
+  if (std::isfinite(c.expected_error_mean_px)) {
+    rows.push_back(
+        {"Expected error in the measuring volume", strong(number(c.expected_error_mean_px)), "px",
+         chip(at_most(c.expected_error_worst_px, 0.2, 0.5)),
+         concat("mean over cameras, from the covariance of the adjustment; worst ",
+                number(c.expected_error_worst_px), " px (", escaped(c.expected_error_worst_camera), ")")});
+  }
 }
 
 void add_times(const ReportData& data, std::vector<std::vector<std::string>>& rows) {

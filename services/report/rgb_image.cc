@@ -1,15 +1,12 @@
 #include "services/report/rgb_image.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
-#include <system_error>
 
 #include "proto/check.h"
+#include "services/store/file.h"
 
 namespace flamefield {
 
@@ -64,26 +61,8 @@ Result<RgbImage> rgb_from_png(const std::string& png) {
   return out;
 }
 
-Result<> write_file_atomically(const std::filesystem::path& path, const std::string& contents) {
-  std::filesystem::path temporary = path;
-  temporary += concat(".", getpid(), ".tmp");
-  std::ofstream out(temporary, std::ios::binary);
-  out.write(contents.data(), static_cast<std::streamsize>(contents.size()));
-  out.close();
-  std::error_code error;
-  if (out) {
-    std::filesystem::rename(temporary, path, error);
-    if (!error) return {};
-  }
-  std::error_code ignored;
-  std::filesystem::remove(temporary, ignored);
-  return unavailable(concat("cannot write ", path.string()),
-                     error ? error.message() : "the folder refuses it",
-                     "choose a folder that exists, is writable and has room");
-}
-
 Result<> write_png(const std::filesystem::path& path, const RgbImage& image) {
-  return write_file_atomically(path, png_from(image));
+  return write_text_file(path, png_from(image));
 }
 
 }  // namespace flamefield

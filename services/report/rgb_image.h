@@ -50,8 +50,7 @@ Image resized(const Image& image, int width_px, int height_px);
 std::string png_from(const RgbImage& image);
 Result<RgbImage> rgb_from_png(const std::string& png);
 
-// Writes a temporary file beside `path`, then renames it: a reader sees the old file or the new one.
-Result<> write_file_atomically(const std::filesystem::path& path, const std::string& contents);
+// The file appears whole or not at all.
 Result<> write_png(const std::filesystem::path& path, const RgbImage& image);
 
 }  // namespace flamefield

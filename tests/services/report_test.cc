@@ -221,7 +221,7 @@ TEST(Report, OfFifteenCamerasAndThirtyPulsesStaysUnderFifteenMegabytes) {
 TEST(Report, ToAFolderThatIsNotThereFails) {
   const auto written = write_report("/nonexistent/report.html", {});
   ASSERT_FALSE(written);
-  EXPECT_EQ(written.error().code, ErrorCode::Unavailable);
+  EXPECT_EQ(written.error().code, ErrorCode::InvalidInput);
 }
 
 TEST(Html, Base64AgreesWithTheExamplesOfRfc4648) {

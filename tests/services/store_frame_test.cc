@@ -5,7 +5,7 @@
 #include "services/store/file.h"
 #include "services/store/frame_file.h"
 #include "services/store/projection_file.h"
-#include "tests/services/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace flamefield {
 namespace {

@@ -6,7 +6,7 @@
 #include "services/store/file.h"
 #include "services/store/rig_export.h"
 #include "services/store/rig_file.h"
-#include "tests/services/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace flamefield {
 namespace {

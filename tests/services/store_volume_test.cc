@@ -7,7 +7,7 @@
 #include "services/store/file.h"
 #include "services/store/npy.h"
 #include "services/store/volume_file.h"
-#include "tests/services/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace flamefield {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "proto/codec.h"
 #include "proto/message.h"
-#include "tests/services/scratch.h"
+#include "tests/support/scratch.h"
 
 // Small things that the tests of the bus, spool, ledger, dispatcher and worker share.
 namespace flamefield::testing_support {
