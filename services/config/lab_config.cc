@@ -159,6 +159,7 @@ Result<LabConfig> read_lab_config(const std::filesystem::path& path) {
   keys.take("web.port", lab.http_port, 0, 65535);
   keys.take("bus.dispatcher", lab.dispatcher_endpoint);
   keys.take("bus.events", lab.events_endpoint);
+  keys.take("bus.acquisition", lab.acquisition_endpoint);
   keys.take("bus.keys", lab.keys_directory);
   read_reconstruction(keys, lab);
   if (auto ok = keys.finish(); !ok) return tl::unexpected(ok.error());

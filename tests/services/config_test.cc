@@ -1,10 +1,12 @@
 #include <gtest/gtest.h>
 
+#include <sstream>
+
 #include "services/config/lab_config.h"
 #include "services/config/recipe_file.h"
 #include "services/config/suggestion.h"
 #include "services/store/file.h"
-#include "tests/services/scratch.h"
+#include "tests/support/scratch.h"
 
 namespace flamefield {
 namespace {
@@ -93,6 +95,62 @@ TEST(LabConfig, TakesWhatIsGivenAndDefaultsForTheRest) {
 
 TEST(LabConfig, AnEmptyFileIsTheEmbeddedDefault) {
   EXPECT_EQ(lab_fault(""), "read");
+}
+
+const std::filesystem::path kSample = FLAMEFIELD_TEST_DATA "/../../deploy/lab.toml";
+
+TEST(LabConfig, TheSampleSaysTheDefaults) {
+  const auto lab = read_lab_config(kSample);
+  ASSERT_TRUE(lab) << lab.error().message;
+  const LabConfig defaults;
+  EXPECT_EQ(lab->laboratory, defaults.laboratory);
+  EXPECT_EQ(lab->data_directory.filename(), defaults.data_directory);
+  EXPECT_TRUE(lab->cameras.empty());
+  EXPECT_EQ(lab->trigger_rate_hz, defaults.trigger_rate_hz);
+  EXPECT_EQ(lab->trigger_line, defaults.trigger_line);
+  EXPECT_EQ(lab->exposure_us, defaults.exposure_us);
+  EXPECT_EQ(lab->gain_db, defaults.gain_db);
+  EXPECT_EQ(lab->pixel_format, defaults.pixel_format);
+  EXPECT_EQ(lab->simulated_cameras, defaults.simulated_cameras);
+  EXPECT_EQ(lab->simulator_seed, defaults.simulator_seed);
+  EXPECT_EQ(lab->simulated_flame, defaults.simulated_flame);
+  EXPECT_EQ(lab->http_host, defaults.http_host);
+  EXPECT_EQ(lab->http_port, defaults.http_port);
+  EXPECT_EQ(lab->dispatcher_endpoint, defaults.dispatcher_endpoint);
+  EXPECT_EQ(lab->keys_directory, defaults.keys_directory);
+  EXPECT_EQ(lab->rig, defaults.rig);
+  EXPECT_EQ(lab->recipe, defaults.recipe);
+  EXPECT_EQ(lab->workers, defaults.workers);
+  EXPECT_EQ(lab->threads_per_worker, defaults.threads_per_worker);
+  EXPECT_EQ(lab->domain, defaults.domain);
+}
+
+TEST(LabConfig, TheSampleShowsEveryKey) {
+  const std::string sample = *read_text_file(kSample);
+  // A key far from all others is answered with the list of all.
+  const std::string fault = lab_fault("qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqq = 1\n");
+  const auto list = fault.find("choose one of: ");
+  ASSERT_NE(list, std::string::npos) << fault;
+  std::istringstream names(fault.substr(list + 15));
+  int count = 0;
+  for (std::string name; names >> name; ++count) {
+    const std::string key = name.substr(name.rfind('.') + 1);
+    const std::string line = (key == "origin_mm" ? "\n# " : "\n") + key + " = ";
+    EXPECT_NE(sample.find(line), std::string::npos) << name;
+  }
+  EXPECT_GT(count, 20);
+}
+
+TEST(LabConfig, TakesTheEndpointsOfTheBus) {
+  const Scratch scratch;
+  overwrite(scratch / "lab.toml",
+            "[bus]\ndispatcher = \"tcp://10.0.0.1:7300\"\nevents = \"tcp://10.0.0.1:7301\"\n"
+            "acquisition = \"tcp://10.0.0.1:7302\"\n");
+  const auto lab = read_lab_config(scratch / "lab.toml");
+  ASSERT_TRUE(lab) << lab.error().message;
+  EXPECT_EQ(lab->dispatcher_endpoint, "tcp://10.0.0.1:7300");
+  EXPECT_EQ(lab->events_endpoint, "tcp://10.0.0.1:7301");
+  EXPECT_EQ(lab->acquisition_endpoint, "tcp://10.0.0.1:7302");
 }
 
 TEST(LabConfig, NamesTheLineOfEveryFault) {
