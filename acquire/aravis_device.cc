@@ -16,8 +16,8 @@
 
 #include "acquire/discovery.h"
 #include "acquire/pixel_code.h"
-#include "acquire/utc.h"
 #include "proto/check.h"
+#include "proto/utc.h"
 
 namespace flamefield {
 
