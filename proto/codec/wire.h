@@ -1,0 +1,187 @@
+// Shared by the files of this folder only. Two overload sets, one per direction: write(value, wire) and
+// read(wire, value, check). They mirror the .proto files message by message, so that a new field is two
+// lines.
+#pragma once
+
+#include <cmath>
+#include <initializer_list>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "flamefield/v1/bus.pb.h"
+#include "proto/codec.h"
+
+namespace flamefield {
+
+// Remembers the first thing that was wrong.
+class Check {
+ public:
+  void require(bool holds, std::string_view field, std::string_view why) {
+    if (!holds && problem_.empty()) problem_ = concat(field, ": ", why);
+  }
+  void finite(double value, std::string_view field) {
+    require(std::isfinite(value), field, "is not a finite number");
+  }
+  void count(std::int64_t value, std::string_view field) { require(value >= 0, field, "is negative"); }
+  void name(const std::string& text, std::string_view field) {
+    require(text.size() <= 100 && is_file_safe(text), field,
+            "is not a name (letters, digits, '.', '_', '-', at most 100)");
+  }
+  void optional_name(const std::string& text, std::string_view field) {
+    if (!text.empty()) name(text, field);
+  }
+  void result(const Result<>& result, std::string_view field) {
+    if (!result) require(false, field, result.error().message);
+  }
+  const std::string& problem() const { return problem_; }
+
+ private:
+  std::string problem_;
+};
+
+template <class Enum>
+void read_enum(const std::string& text, std::optional<Enum> found, Enum& out, std::string_view field,
+               Check& check) {
+  check.require(found.has_value(), field, concat("unknown value '", text.substr(0, 40), "'"));
+  if (found) out = *found;
+}
+
+template <class Enum>
+std::optional<Enum> one_of(const std::string& text, std::initializer_list<Enum> values) {
+  for (Enum value : values) {
+    if (name_of(value) == text) return value;
+  }
+  return std::nullopt;
+}
+
+// sets.cc
+void write(const SetId& id, v1::SetId* wire);
+void read(const v1::SetId& wire, SetId& id, Check& check);
+void write(const Frame& frame, v1::Frame* wire);
+void read(const v1::Frame& wire, Frame& frame, Check& check);
+void write(const FrameLoss& loss, v1::FrameLoss* wire);
+void read(const v1::FrameLoss& wire, FrameLoss& loss, Check& check);
+void write(const FrameSet& set, v1::FrameSet* wire);
+void read(const v1::FrameSet& wire, FrameSet& set, Check& check);
+
+// rig.cc
+void write(const Camera& camera, v1::Camera* wire);
+void read(const v1::Camera& wire, Camera& camera, Check& check);
+void write(const CameraQuality& quality, v1::CameraQuality* wire);
+void read(const v1::CameraQuality& wire, CameraQuality& quality, Check& check);
+void write(const Rig& rig, v1::Rig* wire);
+void read(const v1::Rig& wire, Rig& rig, Check& check);
+
+// jobs.cc
+void write(const Recipe& recipe, v1::Recipe* wire);
+void read(const v1::Recipe& wire, Recipe& recipe, Check& check);
+void write(const Grid& grid, v1::Grid* wire);
+void read(const v1::Grid& wire, Grid& grid, Check& check);
+void write(const Processing& processing, v1::Processing* wire);
+void read(const v1::Processing& wire, Processing& processing, Check& check);
+void write(const Job& job, v1::Job* wire);
+void read(const v1::Job& wire, Job& job, Check& check);
+void read_priority(const std::string& text, Priority& priority, Check& check);
+
+// runs.cc
+void write(const Progress& progress, v1::Progress* wire);
+void read(const v1::Progress& wire, Progress& progress, Check& check);
+void write(const Run& run, v1::Run* wire);
+void read(const v1::Run& wire, Run& run, Check& check);
+
+// storing.cc
+void write(const PutSet& m, v1::PutSet* wire);
+void read(const v1::PutSet& wire, PutSet& m, Check& check);
+void write(const SetStored& m, v1::SetStored* wire);
+void read(const v1::SetStored& wire, SetStored& m, Check& check);
+void write(const PutCapture& m, v1::PutCapture* wire);
+void read(const v1::PutCapture& wire, PutCapture& m, Check& check);
+void write(const PutRig& m, v1::PutRig* wire);
+void read(const v1::PutRig& wire, PutRig& m, Check& check);
+void write(const RigStored& m, v1::RigStored* wire);
+void read(const v1::RigStored& wire, RigStored& m, Check&);
+void write(const LivePlan& m, v1::LivePlan* wire);
+void read(const v1::LivePlan& wire, LivePlan& m, Check& check);
+void write(const Submit& m, v1::Submit* wire);
+void read(const v1::Submit& wire, Submit& m, Check& check);
+void write(const Submitted& m, v1::Submitted* wire);
+void read(const v1::Submitted& wire, Submitted& m, Check&);
+void write(const PutMetrics& m, v1::PutMetrics* wire);
+void read(const v1::PutMetrics& wire, PutMetrics& m, Check& check);
+void write(const GetStatus&, v1::GetStatus* wire);
+void read(const v1::GetStatus&, GetStatus&, Check&);
+void write(const Status& m, v1::Status* wire);
+void read(const v1::Status& wire, Status& m, Check& check);
+
+// working.cc
+void write(const Ready& m, v1::Ready* wire);
+void read(const v1::Ready& wire, Ready& m, Check& check);
+void write(const Lease& m, v1::Lease* wire);
+void read(const v1::Lease& wire, Lease& m, Check& check);
+void write(const FetchSet& m, v1::FetchSet* wire);
+void read(const v1::FetchSet& wire, FetchSet& m, Check& check);
+void write(const SetData& m, v1::SetData* wire);
+void read(const v1::SetData& wire, SetData& m, Check& check);
+void write(const Heartbeat& m, v1::Heartbeat* wire);
+void read(const v1::Heartbeat& wire, Heartbeat& m, Check& check);
+void write(const LeaseLost& m, v1::LeaseLost* wire);
+void read(const v1::LeaseLost& wire, LeaseLost& m, Check&);
+void write(const Finish& m, v1::Finish* wire);
+void read(const v1::Finish& wire, Finish& m, Check& check);
+void write(const Committed& m, v1::Committed* wire);
+void read(const v1::Committed& wire, Committed& m, Check&);
+void write(const Fail& m, v1::Fail* wire);
+void read(const v1::Fail& wire, Fail& m, Check& check);
+
+// capturing.cc
+void write(const StartCapture& m, v1::StartCapture* wire);
+void read(const v1::StartCapture& wire, StartCapture& m, Check& check);
+void write(const StopCapture&, v1::StopCapture* wire);
+void read(const v1::StopCapture&, StopCapture&, Check&);
+void write(const GetCapture&, v1::GetCapture* wire);
+void read(const v1::GetCapture&, GetCapture&, Check&);
+void write(const GetPreview& m, v1::GetPreview* wire);
+void read(const v1::GetPreview& wire, GetPreview& m, Check& check);
+void write(const CaptureState& m, v1::CaptureState* wire);
+void read(const v1::CaptureState& wire, CaptureState& m, Check& check);
+
+// replies.cc
+void write(const Error& error, v1::Error* wire);
+void read(const v1::Error& wire, Error& error, Check& check);
+void write(const Accepted&, v1::Accepted* wire);
+void read(const v1::Accepted&, Accepted&, Check&);
+void write(const Rejected& m, v1::Rejected* wire);
+void read(const v1::Rejected& wire, Rejected& m, Check& check);
+void write(const Event& m, v1::Event* wire);
+void read(const v1::Event& wire, Event& m, Check&);
+
+// Repeated fields and maps.
+template <class T, class Wire>
+void write_all(const std::vector<T>& values, Wire* wire) {
+  for (const T& value : values) {
+    if constexpr (requires { write(value, wire->Add()); })
+      write(value, wire->Add());
+    else
+      *wire->Add() = value;
+  }
+}
+
+template <class T, class Wire>
+void read_all(const Wire& wire, std::vector<T>& values, Check& check) {
+  values.resize(static_cast<std::size_t>(wire.size()));
+  for (int i = 0; i < wire.size(); ++i) read(wire[i], values[static_cast<std::size_t>(i)], check);
+}
+
+template <class Wire>
+void read_numbers(const Wire& wire, std::map<std::string, double>& values, std::string_view field,
+                  Check& check) {
+  for (const auto& [key, value] : wire) {
+    check.finite(value, field);
+    values[key] = value;
+  }
+}
+
+}  // namespace flamefield
