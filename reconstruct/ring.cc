@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "proto/camera_name.h"
 #include "proto/error.h"
 
 namespace flamefield {
@@ -53,7 +54,7 @@ Result<Rig> make_ring(const RingOptions& options, const Grid& domain) {
                  out = std::cos(options.elevation_rad);
     const Eigen::Vector3d outward(out * std::cos(phi), up, out * std::sin(phi));
     Camera camera;
-    camera.name = concat("cam", k < 10 ? "0" : "", k);
+    camera.name = camera_name(static_cast<std::size_t>(k));
     camera.image_width_px = width;
     camera.image_height_px = height;
     camera.fx_px = camera.fy_px = focal_px;

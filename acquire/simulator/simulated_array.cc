@@ -10,10 +10,10 @@
 #include <array>
 #include <cerrno>
 #include <charconv>
-#include <cstdio>
 #include <cstring>
 #include <random>
 
+#include "proto/camera_name.h"
 #include "proto/check.h"
 
 namespace flamefield {
@@ -49,12 +49,6 @@ Result<int> bound_socket(in_addr address, std::uint16_t port, int mode) {
                        "stop the program that uses it, or choose another first address, e.g. 127.0.1.2");
   }
   return fd;
-}
-
-std::string numbered_name(std::size_t number) {
-  std::array<char, 16> name{};
-  std::snprintf(name.data(), name.size(), "cam%02zu", number);
-  return name.data();
 }
 
 Result<std::uint64_t> first_serial(const SimulatedArrayOptions& options) {
@@ -117,7 +111,7 @@ Result<> SimulatedArray::add_camera(const SimulatedArrayOptions& options, std::s
   SimulatedCameraOptions camera;
   camera.number = number;
   camera.serial = std::to_string(*serial + number);
-  camera.user_name = numbered_name(number);
+  camera.user_name = camera_name(number);
   camera.address = address;
   camera.width_px = options.width_px;
   camera.height_px = options.height_px;

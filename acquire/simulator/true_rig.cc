@@ -2,11 +2,11 @@
 
 #include <Eigen/Geometry>
 #include <cmath>
-#include <cstdio>
 #include <numbers>
 #include <random>
 
 #include "proto/board.h"
+#include "proto/camera_name.h"
 #include "proto/check.h"
 
 namespace flamefield {
@@ -23,12 +23,6 @@ Rigid3 look_at(const Eigen::Vector3d& eye, const Eigen::Vector3d& target) {
   camera_from_world.rotation << x.transpose(), z.cross(x).transpose(), z.transpose();
   camera_from_world.translation_mm = -(camera_from_world.rotation * eye);
   return camera_from_world;
-}
-
-std::string camera_name(int k) {
-  char name[16];
-  std::snprintf(name, sizeof name, "cam%02d", k);
-  return name;
 }
 
 }  // namespace
@@ -50,7 +44,7 @@ Rig ring_with_tolerances(const TrueRigOptions& options) {
     const Rigid3 roll{Eigen::AngleAxisd(off(1 * kRadPerDeg), Eigen::Vector3d::UnitZ()).toRotationMatrix(),
                       Eigen::Vector3d::Zero()};
     Camera camera;
-    camera.name = camera_name(k);
+    camera.name = camera_name(static_cast<std::size_t>(k));
     camera.image_width_px = options.image_width_px;
     camera.image_height_px = options.image_height_px;
     camera.fx_px = camera.fy_px = options.focal_px * (1 + off(0.005));

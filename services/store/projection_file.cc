@@ -1,5 +1,6 @@
 #include "services/store/projection_file.h"
 
+#include "proto/camera_name.h"
 #include "proto/check.h"
 #include "services/store/file.h"
 #include "services/store/h5_output.h"
@@ -12,10 +13,6 @@ namespace {
 
 bool is_tiff(const std::filesystem::path& path) {
   return path.extension() == ".tif" || path.extension() == ".tiff";
-}
-
-std::string numbered_name(std::size_t i) {
-  return concat("cam", i < 10 ? "0" : "", i);
 }
 
 Result<Projections> read_nxs(const std::filesystem::path& path) {
@@ -73,7 +70,7 @@ Result<Projections> named(const std::filesystem::path& path, const std::vector<s
   projections.cols = static_cast<int>(shape[2]);
   projections.values = std::move(values);
   for (std::size_t i = 0; i < shape[0]; ++i)
-    projections.view_names.push_back(rig ? rig->cameras[i].name : numbered_name(i));
+    projections.view_names.push_back(rig ? rig->cameras[i].name : camera_name(i));
   return projections;
 }
 
