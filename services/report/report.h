@@ -67,7 +67,7 @@ struct ReportCalibration {
   std::string volume_error_worst_camera;
   double expected_error_mean_px = kUnknown;  // the same, as the covariance of the adjustment foresees it
   double expected_error_worst_px = kUnknown;
-  std::string expected_error_worst_camera;
+  std::string expected_error_worst_camera = {};
   std::vector<std::vector<double>> rms_px;  // (cameras, poses); unknown where a camera did not see the board
   std::vector<float> residuals_px;          // x and y of every corner
 };
