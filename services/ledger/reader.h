@@ -45,9 +45,9 @@ struct RunFilter {
   std::string capture = {};
   std::string rig_id = {};
   std::string solver = {};
-  std::int64_t since_ns = 0;           // finished at or after
+  std::int64_t since_ns = 0;                // finished at or after
   std::optional<std::int64_t> inputs = {};  // number of sets that went in: 1 leaves the means out
-  std::int64_t limit = 1000;           // newest first when it cuts
+  std::int64_t limit = 1000;                // newest first when it cuts
 };
 
 // What became of a capture. Holds: pulses = frames + losses per camera; sets = volumes + failed + pending +
