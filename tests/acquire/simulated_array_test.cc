@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "acquire/discovery.h"
-#include "acquire/utc.h"
+#include "proto/utc.h"
 #include "tests/acquire/array_fixture.h"
 
 namespace flamefield {
