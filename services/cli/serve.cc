@@ -86,6 +86,7 @@ void run(const Options& options, const Session& session) {
 
   EmbeddedOptions embedded;
   embedded.data_dir = lab.data_directory;
+  embedded.http_host = lab.http_host;
   embedded.http_port = lab.http_port;
   embedded.workers = lab.workers;
   embedded.threads_per_worker = lab.threads_per_worker;
@@ -94,6 +95,7 @@ void run(const Options& options, const Session& session) {
   embedded.acquisition.endpoints.push_back(endpoints.acquisition);
   if (!lab.dispatcher_endpoint.empty()) embedded.dispatcher_endpoints.push_back(lab.dispatcher_endpoint);
   if (!lab.events_endpoint.empty()) embedded.event_endpoints.push_back(lab.events_endpoint);
+  if (!lab.acquisition_endpoint.empty()) embedded.acquisition.endpoints.push_back(lab.acquisition_endpoint);
 
   std::unique_ptr<Laboratory> laboratory;
   embedded.acquisition.cameras = cameras_of(lab);

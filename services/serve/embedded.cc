@@ -71,6 +71,7 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
   s.dispatcher = std::move(*opened);
   if (options.http_port >= 0) {
     HttpServerOptions http;
+    http.address = options.http_host;
     http.port = static_cast<std::uint16_t>(options.http_port);
     auto gateway = Gateway::open(
         http, gateway_sources(bus, "client", options.acquisition.endpoints.front(),

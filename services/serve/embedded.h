@@ -16,10 +16,11 @@ struct EmbeddedOptions {
   AcquisitionOptions acquisition;
   std::vector<std::string> dispatcher_endpoints = {"inproc://dispatcher"};
   std::vector<std::string> event_endpoints = {"inproc://events"};
-  int workers = 0;               // 0: one a core, which beats one worker with many threads
-  int threads_per_worker = 0;    // 0: the cores, shared out
-  int http_port = 8080;          // of the live page on 127.0.0.1; 0: any free one, negative: no page
-  std::filesystem::path report;  // linked from the live page; empty: none
+  int workers = 0;                      // 0: one a core, which beats one worker with many threads
+  int threads_per_worker = 0;           // 0: the cores, shared out
+  std::string http_host = "127.0.0.1";  // other addresses show the live page to the network
+  int http_port = 8080;                 // 0: any free one, negative: no page
+  std::filesystem::path report;         // linked from the live page; empty: none
 };
 
 // Every service in one process, each in a thread of its own, talking over the same bus as separate processes
