@@ -4,6 +4,7 @@
 #include <ctime>
 #include <thread>
 
+#include "proto/utc.h"
 #include "services/bus/client.h"
 
 namespace flamefield {
@@ -12,14 +13,9 @@ namespace {
 
 using std::chrono::milliseconds;
 
-std::int64_t utc_ns() {
-  using namespace std::chrono;
-  return duration_cast<nanoseconds>(system_clock::now().time_since_epoch()).count();
-}
-
 // "20260301T101500123-burst": sorts by time, says what it is, and is unique to the millisecond.
 std::string capture_id(CaptureKind kind) {
-  const std::int64_t now_ms = utc_ns() / 1'000'000;
+  const std::int64_t now_ms = utc_now_ns() / 1'000'000;
   const std::time_t seconds = now_ms / 1000;
   std::tm utc{};
   gmtime_r(&seconds, &utc);
@@ -91,7 +87,7 @@ Message Acquisition::start(const StartCapture& request, std::stop_token stop) {
   }
   capture_ = {.id = request.id.empty() ? capture_id(request.kind) : request.id,
               .kind = request.kind,
-              .started_time_ns = utc_ns(),
+              .started_time_ns = utc_now_ns(),
               .finished_time_ns = 0,
               .pulses = 0,
               .cameras = array_->names()};
@@ -155,7 +151,7 @@ void Acquisition::finish(std::stop_token stop) {
     if (stop.stop_requested() && std::chrono::steady_clock::now() > give_up) break;
     std::this_thread::sleep_for(milliseconds(5));
   }
-  capture_.finished_time_ns = utc_ns();
+  capture_.finished_time_ns = utc_now_ns();
   capture_.pulses = report.pulses;
   tell_dispatcher(capture_, stop);
   const std::scoped_lock lock(mutex_);
@@ -177,7 +173,7 @@ CaptureState Acquisition::state() const {
   state.sets_stored = state.sets - std::min(state.sets, outbox_.waiting());
   for (auto& camera : state.cameras) {
     if (const auto frame = newest_.find(camera.name); frame != newest_.end()) {
-      camera.newest_age_s = static_cast<double>(utc_ns() - frame->second.arrival_time_ns) * 1e-9;
+      camera.newest_age_s = static_cast<double>(utc_now_ns() - frame->second.arrival_time_ns) * 1e-9;
     }
   }
   return state;

@@ -14,7 +14,7 @@ namespace flamefield {
 // One [[camera]] of lab.toml.
 struct LabCamera {
   std::string name;     // as in rig.yaml
-  std::string address;  // IPv4 address or serial number
+  std::string address;  // IPv4 address
 };
 
 // What a laboratory sets once: lab.toml. Each comment is the key; lengths and times carry their unit in it.

@@ -9,6 +9,7 @@
 #include "proto/recipe.h"
 #include "proto/version.h"
 #include "services/demo/summary.h"
+#include "services/report/calibration_data.h"
 #include "services/report/report.h"
 #include "services/store/projection_file.h"
 
@@ -62,25 +63,11 @@ ReportField field_of(const EvaluatedRun& shown, const DemoRecord& record) {
 }
 
 ReportCalibration calibration_of(const DemoRecord& record) {
-  const CalibrationReport& found = record.calibration;
-  ReportCalibration out;
-  out.rig = found.rig;
+  ReportCalibration out = report_calibration(record.calibration);
   out.true_rig = record.laboratory.true_rig();
   out.volume_error_mean_px = record.summary.volume_error_mean_px;
   out.volume_error_worst_px = record.summary.volume_error_worst_px;
   out.volume_error_worst_camera = record.summary.volume_error_worst_camera;
-  out.rms_px.assign(found.rig.cameras.size(), std::vector<double>(found.poses.size(), kUnknown));
-  for (const ViewReport& view : found.views) {
-    if (!view.is_used()) continue;
-    const auto camera = found.rig.find(view.camera);
-    const auto pose = std::ranges::find(found.poses, view.pose) - found.poses.begin();
-    if (camera) out.rms_px[*camera][static_cast<std::size_t>(pose)] = view.rms_px;
-    for (std::size_t i = 0; i < view.residuals_px.size(); ++i) {
-      if (!view.used[i]) continue;
-      out.residuals_px.push_back(static_cast<float>(view.residuals_px[i].x()));
-      out.residuals_px.push_back(static_cast<float>(view.residuals_px[i].y()));
-    }
-  }
   return out;
 }
 
