@@ -38,7 +38,7 @@ LabConfig configuration(const Options& options) {
 }
 
 // The simulated laboratory in place of real cameras, when lab.toml names none.
-std::unique_ptr<Laboratory> simulated(const LabConfig& lab, const Options& options, const Session& session) {
+std::unique_ptr<Laboratory> simulated(const LabConfig& lab, const Options& options) {
   LaboratoryOptions laboratory;
   laboratory.cameras = lab.simulated_cameras;
   laboratory.rate_hz = lab.trigger_rate_hz;
@@ -54,9 +54,7 @@ std::unique_ptr<Laboratory> simulated(const LabConfig& lab, const Options& optio
     throw CommandFailure{ExitCode::Usage, concat("simulator.flame = '", lab.simulated_flame,
                                                  "' (no such phantom) see 'flamefield phantom --help'")};
   }
-  ProgressBar bar("light the simulated flame");
-  return or_fail(Laboratory::open(
-      laboratory, [&](int done, int total) { bar.update(done, total); }, session.stop()));
+  return or_fail(Laboratory::open(laboratory));
 }
 
 std::optional<LivePlanner> live_planner(const LabConfig& lab, Bus& bus, const Laboratory* laboratory) {
@@ -101,12 +99,16 @@ void run(const Options& options, const Session& session) {
   embedded.acquisition.cameras = cameras_of(lab);
   embedded.acquisition.settings = settings_of(lab);
   if (embedded.acquisition.cameras.empty()) {
-    laboratory = simulated(lab, options, session);
+    laboratory = simulated(lab, options);
     embedded.acquisition.cameras = laboratory->cameras();
     embedded.acquisition.settings = laboratory->camera_settings(lab.pixel_format);
     embedded.acquisition.hooks = laboratory->hooks();
   }
   const auto services = or_fail(Embedded::start(bus, embedded));
+  if (laboratory) {
+    ProgressBar bar("light the simulated flame");
+    or_fail(laboratory->light_flame([&](int done, int total) { bar.update(done, total); }, session.stop()));
+  }
   auto planner = live_planner(lab, bus, laboratory.get());
   auto operating = or_fail(Operator::connect(bus, "client", "inproc://acquisition", "inproc://dispatcher"));
 

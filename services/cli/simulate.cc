@@ -41,11 +41,10 @@ void run(Options& options, const Session& session) {
   }
   options.laboratory.film.kind = *flame;
   options.laboratory.film.seed = options.laboratory.seed;
-  std::unique_ptr<Laboratory> laboratory;
+  const auto laboratory = or_fail(Laboratory::open(options.laboratory));
   {
     ProgressBar bar("light the simulated flame");
-    laboratory = or_fail(Laboratory::open(
-        options.laboratory, [&](int done, int total) { bar.update(done, total); }, session.stop()));
+    or_fail(laboratory->light_flame([&](int done, int total) { bar.update(done, total); }, session.stop()));
   }
   laboratory->show(*kind);
   laboratory->array().generator().start(options.laboratory.rate_hz, 0);

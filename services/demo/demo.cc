@@ -55,6 +55,7 @@ class Demo {
   Result<> run() {
     return open_laboratory()
         .and_then([&] { return start_services(); })
+        .and_then([&] { return light_flame(); })
         .and_then([&] { return calibrate_ring(); })
         .and_then([&] { return capture_references(); })
         .and_then([&] { return capture_burst(); })
@@ -77,6 +78,9 @@ class Demo {
 
   Result<> open_laboratory();
   Result<> start_services();
+  Result<> light_flame() {
+    return laboratory_->light_flame(stage("light the flame (render every view)"), stop_);
+  }
   Result<> calibrate_ring();
   Result<> capture_references();
   Result<> capture_burst();
@@ -115,7 +119,7 @@ Result<> Demo::open_laboratory() {
   if (!film) return tl::unexpected(film.error());
   laboratory.film = std::move(*film);
   processing_.grid = laboratory.film.grid;
-  auto opened = Laboratory::open(laboratory, stage("light the flame (render every view)"), stop_);
+  auto opened = Laboratory::open(laboratory);
   if (!opened) return tl::unexpected(opened.error());
   laboratory_ = std::move(*opened);
   return {};

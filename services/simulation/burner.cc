@@ -4,8 +4,12 @@
 
 namespace flamefield {
 
-SimulatedBurner::SimulatedBurner(Options options, std::shared_ptr<const FlameFilm> film)
-    : options_(std::move(options)), film_(std::move(film)) {}
+SimulatedBurner::SimulatedBurner(Options options) : options_(std::move(options)) {}
+
+void SimulatedBurner::light(std::shared_ptr<const FlameFilm> film) {
+  const std::scoped_lock lock(mutex_);
+  film_ = std::move(film);
+}
 
 void SimulatedBurner::show(CaptureKind kind) {
   const std::scoped_lock lock(mutex_);
@@ -18,9 +22,9 @@ std::shared_ptr<const Image> SimulatedBurner::even_light(std::size_t camera, dou
 }
 
 std::shared_ptr<const Image> SimulatedBurner::picture(std::size_t camera, const Pulse& pulse) const {
-  const CaptureKind showing = [&] {
+  const auto [showing, film] = [&] {
     const std::scoped_lock lock(mutex_);
-    return showing_;
+    return std::pair(showing_, film_);
   }();
   switch (showing) {
     case CaptureKind::Dark:
@@ -38,7 +42,8 @@ std::shared_ptr<const Image> SimulatedBurner::picture(std::size_t camera, const 
     case CaptureKind::Live:
       break;
   }
-  auto picture = film_->picture(camera, pulse.index);
+  if (!film) return even_light(camera, options_.room_electrons);
+  auto picture = film->picture(camera, pulse.index);
   for (float& electrons : picture->pixels) electrons += static_cast<float>(options_.room_electrons);
   return picture;
 }

@@ -23,20 +23,23 @@ class SimulatedBurner {
     double room_electrons = 6;             // stray light on every pixel while the lenses are open
     double flat_electrons = 900;           // the evenly lit screen of a flat-field capture
   };
-  SimulatedBurner(Options options, std::shared_ptr<const FlameFilm> film);
+  explicit SimulatedBurner(Options options);
+
+  // The flame that burns from now on; there is none before.
+  void light(std::shared_ptr<const FlameFilm> film);
 
   // What the experimenter prepares before a capture: caps on for dark, the flame out for background, ...
   void show(CaptureKind kind);
 
-  // The cameras' view of it. Safe to call from all camera threads while show() changes what there is.
+  // The cameras' view of it. Safe to call from all camera threads while the above change what there is.
   std::shared_ptr<const Image> picture(std::size_t camera, const Pulse& pulse) const;
 
  private:
   std::shared_ptr<const Image> even_light(std::size_t camera, double electrons) const;
 
-  Options options_;
+  const Options options_;
+  mutable std::mutex mutex_;  // what follows
   std::shared_ptr<const FlameFilm> film_;
-  mutable std::mutex mutex_;
   CaptureKind showing_ = CaptureKind::Dark;
 };
 

@@ -21,12 +21,9 @@ Result<std::unique_ptr<SimulatedArray>> open_array(const LaboratoryOptions& opti
 
 }  // namespace
 
-Result<std::unique_ptr<Laboratory>> Laboratory::open(const LaboratoryOptions& options,
-                                                     const FlameFilm::Progress& progress,
-                                                     std::stop_token stop) {
+Result<std::unique_ptr<Laboratory>> Laboratory::open(const LaboratoryOptions& options) {
   std::unique_ptr<Laboratory> laboratory(new Laboratory);
   laboratory->options_ = options;
-  // The addresses first: when they are taken, nobody should wait for the rendering to hear of it.
   auto array = open_array(options);
   if (!array) return tl::unexpected(array.error());
   laboratory->array_ = std::move(*array);
@@ -43,14 +40,19 @@ Result<std::unique_ptr<Laboratory>> Laboratory::open(const LaboratoryOptions& op
   laboratory->board_ = burner.board.board;
   laboratory->world_from_reference_board_ = burner.world_from_board.front();
 
-  auto film = FlameFilm::render(options.film, laboratory->true_rig_, progress, stop);
-  if (!film) return tl::unexpected(film.error());
-  laboratory->film_ = std::make_shared<const FlameFilm>(std::move(*film));
-  laboratory->burner_ = std::make_shared<SimulatedBurner>(std::move(burner), laboratory->film_);
+  laboratory->burner_ = std::make_shared<SimulatedBurner>(std::move(burner));
   laboratory->array_->set_scene([burner = laboratory->burner_](std::size_t camera, const Pulse& pulse) {
     return burner->picture(camera, pulse);
   });
   return laboratory;
+}
+
+Result<> Laboratory::light_flame(const FlameFilm::Progress& progress, std::stop_token stop) {
+  auto film = FlameFilm::render(options_.film, true_rig_, progress, std::move(stop));
+  if (!film) return tl::unexpected(film.error());
+  film_ = std::make_shared<const FlameFilm>(std::move(*film));
+  burner_->light(film_);
+  return {};
 }
 
 Laboratory::~Laboratory() {

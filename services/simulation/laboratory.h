@@ -30,9 +30,10 @@ struct LaboratoryOptions {
 // true places are known, and the signal generator on their trigger line.
 class Laboratory {
  public:
-  // Unavailable: the cameras' addresses are in use, or stopped while the flame was rendered.
-  static Result<std::unique_ptr<Laboratory>> open(const LaboratoryOptions& options,
-                                                  const FlameFilm::Progress& progress, std::stop_token stop);
+  // Sets up cameras and burner, without a flame yet. Unavailable: the cameras' addresses are in use.
+  static Result<std::unique_ptr<Laboratory>> open(const LaboratoryOptions& options);
+  // Renders what the cameras will see of the flame; until then the burner is dark. Unavailable: stopped.
+  Result<> light_flame(const FlameFilm::Progress& progress, std::stop_token stop);
   ~Laboratory();
 
   SimulatedArray& array() { return *array_; }
@@ -40,7 +41,7 @@ class Laboratory {
   // What stands in front of the cameras, from the next pulse on.
   void show(CaptureKind kind) { burner_->show(kind); }
   const Rig& true_rig() const { return true_rig_; }
-  const FlameFilm& film() const { return *film_; }
+  const FlameFilm& film() const { return *film_; }  // contract: lit
   BoardSpec board() const { return board_; }
   // The pose of the board that stands on the burner at the first pulse of a board capture.
   const Rigid3& world_from_reference_board() const { return world_from_reference_board_; }
