@@ -4,21 +4,23 @@
 
 namespace flamefield {
 
-void smooth(std::vector<float>& volume, std::vector<float>& scratch, const Grid& g, double share,
+void smooth(std::vector<float>& volume, std::vector<float>& scratch, const Layout& layout, double share,
             Team& team) {
-  expect(volume.size() == g.voxels() && scratch.size() == g.voxels(), "shapes match the grid");
+  expect(volume.size() == layout.voxels() && scratch.size() == layout.voxels(), "shapes match the layout");
   const auto side = static_cast<float>(share / 12), centre = static_cast<float>(1 - share / 2);
-  const auto row = static_cast<std::size_t>(g.nx), plane = row * static_cast<std::size_t>(g.ny);
-  team.run(static_cast<std::size_t>(g.nz), [&](std::size_t slab) {
+  const auto ny = static_cast<std::size_t>(layout.ny);
+  team.run(static_cast<std::size_t>(layout.nz), [&](std::size_t slab) {
     const int z = static_cast<int>(slab);
-    for (int y = 0; y < g.ny; ++y) {
-      const float* v = volume.data() + g.index(0, y, z);
-      const float *below = y > 0 ? v - row : v, *above = y + 1 < g.ny ? v + row : v;
-      const float *before = z > 0 ? v - plane : v, *behind = z + 1 < g.nz ? v + plane : v;
-      float* out = scratch.data() + g.index(0, y, z);
-      for (std::size_t x = 0; x < row; ++x) {
-        const float left = v[x > 0 ? x - 1 : x], right = v[x + 1 < row ? x + 1 : x];
-        out[x] = centre * v[x] + side * (left + right + below[x] + above[x] + before[x] + behind[x]);
+    const auto column = [&](int i, int k) { return volume.data() + layout.voxel(i, 0, k); };
+    for (int x = 0; x < layout.nx; ++x) {
+      const float* v = column(x, z);
+      const float *left = column(x > 0 ? x - 1 : x, z), *right = column(x + 1 < layout.nx ? x + 1 : x, z);
+      const float *before = column(x, z > 0 ? z - 1 : z), *behind = column(x, z + 1 < layout.nz ? z + 1 : z);
+      float* out = scratch.data() + layout.voxel(x, 0, z);
+      std::fill(out + ny, out + layout.column, 0.0f);
+      for (std::size_t y = 0; y < ny; ++y) {
+        const float below = v[y > 0 ? y - 1 : y], above = v[y + 1 < ny ? y + 1 : y];
+        out[y] = centre * v[y] + side * (left[y] + right[y] + below + above + before[y] + behind[y]);
       }
     }
   });

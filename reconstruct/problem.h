@@ -12,13 +12,13 @@ namespace flamefield {
 // What a solver gets: find x with A x = b. The images are scaled so that the brightest pixel is 1.
 struct Problem {
   const Projector& projector;
-  std::span<const float> images;  // b, (views, rows, cols)
+  std::span<const float> images;  // b, packed like the projector's
   const SolveControl& control;
   Team& team;
 };
 
 struct Solution {
-  std::vector<float> volume;  // x, (nz, ny, nx), in the scale of the problem
+  std::vector<float> volume;  // x, packed, in the scale of the problem
   int iterations = 0;
   double voxel_updates = 0;
   StopReason stop_reason = StopReason::Iterations;

@@ -45,23 +45,19 @@ Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const Projec
   if (auto ok = check(rig, grid, options); !ok) return tl::unexpected(ok.error());
   Projector out;
   out.grid_ = grid;
-  out.rows_ = rig.cameras.front().image_height_px;
-  out.cols_ = rig.cameras.front().image_width_px;
+  out.layout_ = Layout(grid, static_cast<int>(rig.cameras.size()), rig.cameras.front().image_height_px,
+                       rig.cameras.front().image_width_px);
   out.cameras_ = rig.cameras;
   for (const Camera& c : rig.cameras) out.view_names_.push_back(c.name);
   out.all_views_.resize(out.views());
   std::iota(out.all_views_.begin(), out.all_views_.end(), std::size_t{0});
   const double budget_bytes = options.memory_budget_mib * 1048576;
   if (StoredMatrix::estimated_bytes(rig, grid, options, team) <= budget_bytes) {
-    out.engine_ = std::make_shared<StoredMatrix>(rig, grid, options, team);
+    out.engine_ = std::make_shared<StoredMatrix>(rig, grid, out.layout_, options, team);
   } else {
-    out.engine_ = std::make_shared<RayEngine>(rig, grid, options);
+    out.engine_ = std::make_shared<RayEngine>(rig, grid, out.layout_, options);
   }
   return out;
-}
-
-std::size_t Projector::pixels() const {
-  return views() * static_cast<std::size_t>(rows_) * static_cast<std::size_t>(cols_);
 }
 
 void Projector::forward(Team& team, std::span<const float> volume, std::span<float> projections) const {
@@ -72,12 +68,14 @@ void Projector::adjoint(Team& team, std::span<const float> projections, std::spa
 }
 void Projector::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
                         std::span<float> projections) const {
-  expect(volume.size() == grid_.voxels() && projections.size() == pixels(), "shapes match the projector");
+  expect(volume.size() == layout_.voxels() && projections.size() == layout_.pixels(),
+         "shapes match the projector");
   engine_->forward(team, views, volume, projections);
 }
 void Projector::adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
                         std::span<float> volume) const {
-  expect(volume.size() == grid_.voxels() && projections.size() == pixels(), "shapes match the projector");
+  expect(volume.size() == layout_.voxels() && projections.size() == layout_.pixels(),
+         "shapes match the projector");
   engine_->adjoint(team, views, projections, volume);
 }
 void Projector::column(std::size_t voxel, std::vector<ColumnEntry>& entries) const {

@@ -9,6 +9,7 @@
 
 #include "proto/rig.h"
 #include "proto/volume.h"
+#include "reconstruct/layout.h"
 #include "reconstruct/parallel.h"
 
 namespace flamefield {
@@ -20,11 +21,11 @@ struct ProjectorOptions {
 };
 
 struct ColumnEntry {
-  std::uint32_t pixel = 0;  // index into (views, rows, cols)
+  std::uint32_t pixel = 0;  // index into (views, rows, cols), unpacked
   float weight = 0;         // mm
 };
 
-// One way to apply A. All ways share the discretisation of ray_march.h.
+// One way to apply A to packed arrays (layout.h). All ways share the discretisation of ray_march.h.
 class ProjectorEngine {
  public:
   virtual ~ProjectorEngine() = default;
@@ -36,8 +37,9 @@ class ProjectorEngine {
   virtual std::string name() const = 0;
 };
 
-// A, the linear map from a volume (nz, ny, nx) to its projections (views, rows, cols), in mm: line integrals
-// through any camera, lens distortion included. Forward, adjoint and columns come from one discretisation.
+// A, the linear map from a volume to its projections, in mm: line integrals through any camera, lens
+// distortion included. Volumes and projections are packed (layout()), so that solvers never convert. Forward,
+// adjoint and columns come from one discretisation.
 // Immutable; may be shared by solves and threads.
 class Projector {
  public:
@@ -46,12 +48,12 @@ class Projector {
                                 Team& team);
 
   const Grid& grid() const { return grid_; }
+  const Layout& layout() const { return layout_; }
   const std::vector<Camera>& cameras() const { return cameras_; }
   const std::vector<std::string>& view_names() const { return view_names_; }
-  int rows() const { return rows_; }
-  int cols() const { return cols_; }
+  int rows() const { return layout_.rows; }
+  int cols() const { return layout_.cols; }
   std::size_t views() const { return view_names_.size(); }
-  std::size_t pixels() const;  // of all views
   std::string engine() const { return engine_->name(); }
 
   // projections = A volume
@@ -65,7 +67,7 @@ class Projector {
   void adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
                std::span<float> volume) const;
 
-  // A's column of one voxel; replaces `entries`, pixels in ascending order.
+  // A's column of one voxel, an index into (nz, ny, nx), unpacked; replaces `entries`.
   void column(std::size_t voxel, std::vector<ColumnEntry>& entries) const;
 
  private:
@@ -73,7 +75,7 @@ class Projector {
   Grid grid_;
   std::vector<Camera> cameras_;
   std::vector<std::string> view_names_;
-  int rows_ = 0, cols_ = 0;
+  Layout layout_;
   std::vector<std::size_t> all_views_;
   std::shared_ptr<const ProjectorEngine> engine_;
 };

@@ -23,23 +23,23 @@ SampleRange samples_between(const MarchedRay& ray, std::size_t axis, float low, 
 
 }  // namespace
 
-RayEngine::RayEngine(const Rig& rig, const Grid& grid, const ProjectorOptions& options)
+RayEngine::RayEngine(const Rig& rig, const Grid& grid, const Layout& layout, const ProjectorOptions& options)
     : rig_(rig),
       grid_(grid),
+      layout_(layout),
       pixel_samples_(options.pixel_samples),
-      step_mm_(longest_step_mm(grid, options.step_voxels)),
-      rows_(rig.cameras.front().image_height_px),
-      cols_(rig.cameras.front().image_width_px) {}
+      step_mm_(longest_step_mm(grid, options.step_voxels)) {}
 
 std::vector<MarchedRay> RayEngine::rays_of(Team& team, std::size_t view) const {
   const PixelRays rays(rig_.cameras[view], pixel_samples_);
-  const auto per_pixel = static_cast<std::size_t>(rays.per_pixel()), cols = static_cast<std::size_t>(cols_);
-  std::vector<MarchedRay> out(static_cast<std::size_t>(rows_) * cols * per_pixel);
-  team.run(static_cast<std::size_t>(rows_), [&](std::size_t y) {
-    for (std::size_t x = 0; x < cols; ++x)
+  const auto per_pixel = static_cast<std::size_t>(rays.per_pixel());
+  std::vector<MarchedRay> out(layout_.pixels_per_view() * per_pixel);  // padding: rays without samples
+  team.run(static_cast<std::size_t>(layout_.cols), [&](std::size_t col) {
+    const int x = static_cast<int>(col);
+    for (int y = 0; y < layout_.rows; ++y)
       for (std::size_t sub = 0; sub < per_pixel; ++sub) {
-        out[(y * cols + x) * per_pixel + sub] =
-            march(grid_, rays.ray(static_cast<int>(x), static_cast<int>(y), static_cast<int>(sub)), step_mm_);
+        out[layout_.pixel(0, y, x) * per_pixel + sub] =
+            march(grid_, rays.ray(x, y, static_cast<int>(sub)), step_mm_);
       }
   });
   return out;
@@ -47,7 +47,7 @@ std::vector<MarchedRay> RayEngine::rays_of(Team& team, std::size_t view) const {
 
 void RayEngine::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
                         std::span<float> projections) const {
-  const std::size_t pixels = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(cols_);
+  const std::size_t pixels = layout_.pixels_per_view();
   for (const std::size_t view : views) {
     const std::vector<MarchedRay> rays = rays_of(team, view);
     const std::size_t per_pixel = rays.size() / pixels;
@@ -64,7 +64,7 @@ void RayEngine::forward(Team& team, std::span<const std::size_t> views, std::spa
               const int i = corner & 1, j = corner >> 1 & 1, l = corner >> 2;
               const float weight = (i ? x.weight : 1 - x.weight) * (j ? y.weight : 1 - y.weight) *
                                    (l ? z.weight : 1 - z.weight);
-              if (weight != 0) along += weight * volume[grid_.index(x.lower + i, y.lower + j, z.lower + l)];
+              if (weight != 0) along += weight * volume[layout_.voxel(x.lower + i, y.lower + j, z.lower + l)];
             }
           }
           sum += along * ray.step_mm;
@@ -95,7 +95,7 @@ void RayEngine::gather_slab(const std::vector<MarchedRay>& rays, std::span<const
         if (z.lower + l < from_z || z.lower + l >= to_z) continue;
         const float weight =
             (i ? x.weight : 1 - x.weight) * (j ? y.weight : 1 - y.weight) * (l ? z.weight : 1 - z.weight);
-        if (weight != 0) volume[grid_.index(x.lower + i, y.lower + j, z.lower + l)] += weight * value;
+        if (weight != 0) volume[layout_.voxel(x.lower + i, y.lower + j, z.lower + l)] += weight * value;
       }
     }
   }
@@ -104,7 +104,7 @@ void RayEngine::gather_slab(const std::vector<MarchedRay>& rays, std::span<const
 void RayEngine::adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
                         std::span<float> volume) const {
   constexpr std::size_t kPlanes = 8;
-  const std::size_t pixels = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(cols_);
+  const std::size_t pixels = layout_.pixels_per_view();
   std::fill(volume.begin(), volume.end(), 0.0f);
   for (const std::size_t view : views) {
     const std::vector<MarchedRay> rays = rays_of(team, view);
@@ -139,17 +139,18 @@ void RayEngine::column(std::size_t voxel, std::vector<ColumnEntry>& entries) con
   const auto nx = static_cast<std::size_t>(grid_.nx), ny = static_cast<std::size_t>(grid_.ny);
   const std::array<int, 3> at = {static_cast<int>(voxel % nx), static_cast<int>(voxel / nx % ny),
                                  static_cast<int>(voxel / nx / ny)};
-  const std::size_t pixels = static_cast<std::size_t>(rows_) * static_cast<std::size_t>(cols_);
+  const int rows = layout_.rows, cols = layout_.cols;
+  const std::size_t pixels = static_cast<std::size_t>(rows) * static_cast<std::size_t>(cols);
   for (std::size_t v = 0; v < rig_.cameras.size(); ++v) {
     const Camera& camera = rig_.cameras[v];
     // The pixels that the voxel's support, two voxels wide, can reach.
-    double x0 = cols_, x1 = -1, y0 = rows_, y1 = -1;
+    double x0 = cols, x1 = -1, y0 = rows, y1 = -1;
     for (int corner = 0; corner < 8; ++corner) {
       const Eigen::Vector3d off(corner & 1 ? 1 : -1, corner & 2 ? 1 : -1, corner & 4 ? 1 : -1);
       const auto pixel =
           project(camera, grid_.voxel_centre_mm(at[0], at[1], at[2]) + off.cwiseProduct(grid_.spacing_mm));
       if (!pixel) {
-        x0 = y0 = 0, x1 = cols_, y1 = rows_;
+        x0 = y0 = 0, x1 = cols, y1 = rows;
         break;
       }
       x0 = std::min(x0, pixel->x()), x1 = std::max(x1, pixel->x());
@@ -157,14 +158,14 @@ void RayEngine::column(std::size_t voxel, std::vector<ColumnEntry>& entries) con
     }
     const PixelRays rays(camera, pixel_samples_);
     for (int y = std::max(0, static_cast<int>(std::floor(y0)) - 1);
-         y < std::min(rows_, static_cast<int>(std::ceil(y1)) + 2); ++y)
+         y < std::min(rows, static_cast<int>(std::ceil(y1)) + 2); ++y)
       for (int x = std::max(0, static_cast<int>(std::floor(x0)) - 1);
-           x < std::min(cols_, static_cast<int>(std::ceil(x1)) + 2); ++x) {
+           x < std::min(cols, static_cast<int>(std::ceil(x1)) + 2); ++x) {
         float weight = 0;
         for (int sub = 0; sub < rays.per_pixel(); ++sub)
           weight += weight_of(march(grid_, rays.ray(x, y, sub), step_mm_), at);
         if (weight == 0) continue;
-        const std::size_t pixel = v * pixels + static_cast<std::size_t>(y) * static_cast<std::size_t>(cols_) +
+        const std::size_t pixel = v * pixels + static_cast<std::size_t>(y) * static_cast<std::size_t>(cols) +
                                   static_cast<std::size_t>(x);
         entries.push_back({static_cast<std::uint32_t>(pixel), weight / static_cast<float>(rays.per_pixel())});
       }

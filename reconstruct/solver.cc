@@ -153,18 +153,19 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   // Solvers see images whose brightest pixel is 1.
   const float brightest = *std::ranges::max_element(projections.values);
   const float scale = brightest > 0 ? brightest : 1;
-  std::vector<float> images(projections.values);
+  std::vector<float> images = projector.layout().pack_images(projections.values);
   for (float& v : images) v /= scale;
   Solution solution = solver.run({projector, images, control, team}, recipe);
 
   Reconstruction out;
+  projector.forward(team, solution.volume, images);
   Projections rendered = projections;
-  projector.forward(team, solution.volume, rendered.values);
+  rendered.values = projector.layout().unpack_images(images);
   for (float& v : rendered.values) v *= scale;
   out.residual = relative_distance(rendered.values, projections.values);
   out.residual_per_view = residual_per_view(projections, rendered);
   out.volume.grid = projector.grid();
-  out.volume.values = std::move(solution.volume);
+  out.volume.values = projector.layout().unpack_volume(solution.volume);
   for (float& v : out.volume.values) v *= scale;
   out.solver = recipe.solver;
   out.iterations = solution.iterations;

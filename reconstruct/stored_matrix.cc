@@ -13,11 +13,12 @@ namespace {
 // Rows of A: collects the voxels that a pixel's rays touch.
 class RowTracer {
  public:
-  RowTracer(const Camera& camera, const Grid& grid, const ProjectorOptions& options)
+  RowTracer(const Camera& camera, const Grid& grid, const Layout& layout, const ProjectorOptions& options)
       : grid_(grid),
+        layout_(layout),
         rays_(camera, options.pixel_samples),
         step_mm_(longest_step_mm(grid, options.step_voxels)),
-        weights_(grid.voxels(), 0) {}
+        weights_(layout.voxels(), 0) {}
 
   // emit(voxel, weight in mm) for every voxel the pixel sees.
   template <class Emit>
@@ -41,7 +42,7 @@ class RowTracer {
         const float weight = ds * (i ? x.weight : 1 - x.weight) * (j ? y.weight : 1 - y.weight) *
                              (l ? z.weight : 1 - z.weight);
         if (weight == 0) continue;  // also where a single layer has no upper neighbour
-        const std::size_t voxel = grid_.index(x.lower + i, y.lower + j, z.lower + l);
+        const std::size_t voxel = layout_.voxel(x.lower + i, y.lower + j, z.lower + l);
         if (weights_[voxel] == 0) touched_.push_back(static_cast<std::uint32_t>(voxel));
         weights_[voxel] += weight;
       }
@@ -49,6 +50,7 @@ class RowTracer {
   }
 
   const Grid& grid_;
+  const Layout& layout_;
   PixelRays rays_;
   double step_mm_;
   std::vector<float> weights_;  // all zero between rows
@@ -63,7 +65,8 @@ double StoredMatrix::estimated_bytes(const Rig& rig, const Grid& grid, const Pro
   std::vector<double> bytes(rig.cameras.size());
   team.run(rig.cameras.size(), [&](std::size_t v) {
     const Camera& camera = rig.cameras[v];
-    RowTracer tracer(camera, grid, options);
+    const Layout layout(grid, 1, camera.image_height_px, camera.image_width_px);
+    RowTracer tracer(camera, grid, layout, options);
     std::size_t entries = 0;
     const int pixels = camera.image_width_px * camera.image_height_px;
     int traced = 0;
@@ -77,26 +80,25 @@ double StoredMatrix::estimated_bytes(const Rig& rig, const Grid& grid, const Pro
   return std::accumulate(bytes.begin(), bytes.end(), 0.0);
 }
 
-StoredMatrix::StoredMatrix(const Rig& rig, const Grid& grid, const ProjectorOptions& options, Team& team)
-    : views_(rig.cameras.size()),
-      pixels_per_view_(static_cast<std::size_t>(rig.cameras.front().image_width_px) *
-                       static_cast<std::size_t>(rig.cameras.front().image_height_px)) {
+StoredMatrix::StoredMatrix(const Rig& rig, const Grid& grid, const Layout& layout,
+                           const ProjectorOptions& options, Team& team)
+    : views_(rig.cameras.size()), grid_(grid), layout_(layout) {
   team.run(views_.size(), [&](std::size_t v) {
     const Camera& camera = rig.cameras[v];
-    RowTracer tracer(camera, grid, options);
+    RowTracer tracer(camera, grid, layout, options);
     std::vector<std::uint32_t> voxels;
     std::vector<float> weights;
-    std::vector<std::size_t> row_end;
+    std::vector<std::pair<std::uint32_t, std::size_t>> row_end;  // (pixel, end of its entries)
     View& view = views_[v];
-    view.start.assign(grid.voxels() + 1, 0);
-    for (int y = 0; y < camera.image_height_px; ++y)
-      for (int x = 0; x < camera.image_width_px; ++x) {
+    view.start.assign(layout.voxels() + 1, 0);
+    for (int x = 0; x < camera.image_width_px; ++x)
+      for (int y = camera.image_height_px - 1; y >= 0; --y) {
         tracer.row(x, y, [&](std::uint32_t voxel, float weight) {
           voxels.push_back(voxel);
           weights.push_back(weight);
           ++view.start[voxel + 1];
         });
-        row_end.push_back(voxels.size());
+        row_end.emplace_back(layout.pixel(0, y, x), voxels.size());
       }
     expect(voxels.size() < 0xffffffffu, "a view has fewer than 2^32 entries");
     // Counting sort from rows to columns.
@@ -105,10 +107,10 @@ StoredMatrix::StoredMatrix(const Rig& rig, const Grid& grid, const ProjectorOpti
     view.pixel.resize(voxels.size());
     view.weight.resize(voxels.size());
     std::size_t k = 0;
-    for (std::size_t row = 0; row < row_end.size(); ++row)
-      for (; k < row_end[row]; ++k) {
+    for (const auto& [pixel, end] : row_end)
+      for (; k < end; ++k) {
         const std::uint32_t to = next[voxels[k]]++;
-        view.pixel[to] = static_cast<std::uint32_t>(row);
+        view.pixel[to] = pixel;
         view.weight[to] = weights[k];
       }
   });
@@ -118,8 +120,8 @@ void StoredMatrix::forward(Team& team, std::span<const std::size_t> views, std::
                            std::span<float> projections) const {
   team.run(views.size(), [&](std::size_t i) {
     const View& view = views_[views[i]];
-    float* image = projections.data() + views[i] * pixels_per_view_;
-    std::fill(image, image + pixels_per_view_, 0.0f);
+    float* image = projections.data() + views[i] * layout_.pixels_per_view();
+    std::fill(image, image + layout_.pixels_per_view(), 0.0f);
     for (std::size_t voxel = 0; voxel < volume.size(); ++voxel) {
       const float value = volume[voxel];
       if (value == 0) continue;
@@ -138,7 +140,7 @@ void StoredMatrix::adjoint(Team& team, std::span<const std::size_t> views, std::
               volume.begin() + static_cast<std::ptrdiff_t>(end), 0.0f);
     for (const std::size_t v : views) {
       const View& view = views_[v];
-      const float* image = projections.data() + v * pixels_per_view_;
+      const float* image = projections.data() + v * layout_.pixels_per_view();
       for (std::size_t voxel = begin; voxel < end; ++voxel) {
         float sum = 0;
         for (std::uint32_t k = view.start[voxel]; k < view.start[voxel + 1]; ++k) {
@@ -151,11 +153,16 @@ void StoredMatrix::adjoint(Team& team, std::span<const std::size_t> views, std::
 }
 
 void StoredMatrix::column(std::size_t voxel, std::vector<ColumnEntry>& entries) const {
+  const auto nx = static_cast<std::size_t>(grid_.nx), ny = static_cast<std::size_t>(grid_.ny);
+  const std::size_t packed = layout_.voxel(static_cast<int>(voxel % nx), static_cast<int>(voxel / nx % ny),
+                                           static_cast<int>(voxel / nx / ny));
+  const auto rows = static_cast<std::size_t>(layout_.rows), cols = static_cast<std::size_t>(layout_.cols);
   for (std::size_t v = 0; v < views_.size(); ++v) {
     const View& view = views_[v];
-    const auto first = static_cast<std::uint32_t>(v * pixels_per_view_);
-    for (std::uint32_t k = view.start[voxel]; k < view.start[voxel + 1]; ++k) {
-      entries.push_back({first + view.pixel[k], view.weight[k]});
+    for (std::uint32_t k = view.start[packed]; k < view.start[packed + 1]; ++k) {
+      const std::size_t col = view.pixel[k] / layout_.line, up = view.pixel[k] % layout_.line;
+      const std::size_t row = rows - 1 - up;
+      entries.push_back({static_cast<std::uint32_t>((v * rows + row) * cols + col), view.weight[k]});
     }
   }
 }

@@ -8,7 +8,8 @@ namespace flamefield {
 // image it goes to stays in the first-level cache. Forward runs views in parallel, the adjoint voxels.
 class StoredMatrix : public ProjectorEngine {
  public:
-  StoredMatrix(const Rig& rig, const Grid& grid, const ProjectorOptions& options, Team& team);
+  StoredMatrix(const Rig& rig, const Grid& grid, const Layout& layout, const ProjectorOptions& options,
+               Team& team);
 
   // From tracing one pixel in 67.
   static double estimated_bytes(const Rig& rig, const Grid& grid, const ProjectorOptions& options,
@@ -23,12 +24,13 @@ class StoredMatrix : public ProjectorEngine {
 
  private:
   struct View {
-    std::vector<std::uint32_t> start;  // (voxels + 1), into the two below
-    std::vector<std::uint32_t> pixel;  // in the view, ascending within a column
+    std::vector<std::uint32_t> start;  // (packed voxels + 1), into the two below
+    std::vector<std::uint32_t> pixel;  // packed, in the view
     std::vector<float> weight;         // mm
   };
   std::vector<View> views_;
-  std::size_t pixels_per_view_;
+  Grid grid_;
+  Layout layout_;
 };
 
 }  // namespace flamefield

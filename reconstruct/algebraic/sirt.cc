@@ -34,7 +34,7 @@ void invert(std::vector<float>& sums) {
 // (b - Ax) / row sum; squares of residuals are summed on the way.
 double weighted_residuals(const Problem& problem, std::span<const std::size_t> views,
                           std::span<const float> inverse_rows, std::span<float> images) {
-  const std::size_t pixels = problem.projector.pixels() / problem.projector.views();
+  const std::size_t pixels = problem.projector.layout().pixels_per_view();
   std::vector<double> squares(views.size(), 0);
   problem.team.run(views.size(), [&](std::size_t i) {
     for (std::size_t p = views[i] * pixels; p < (views[i] + 1) * pixels; ++p) {
@@ -52,10 +52,11 @@ double weighted_residuals(const Problem& problem, std::span<const std::size_t> v
 
 Solution solve_sirt(const Problem& problem, const SirtOptions& options) {
   const Projector& projector = problem.projector;
-  const std::size_t voxels = projector.grid().voxels();
+  const std::size_t voxels = projector.layout().voxels();
   const auto subsets = ordered_subsets(projector.views(), options.subsets);
 
-  std::vector<float> images(projector.pixels(), 1), update(voxels, 1), inverse_rows(projector.pixels());
+  std::vector<float> images(projector.layout().pixels(), 1), update(voxels, 1),
+      inverse_rows(projector.layout().pixels());
   std::vector<std::vector<float>> inverse_columns(subsets.size(), std::vector<float>(voxels));
   projector.forward(problem.team, update, inverse_rows);
   invert(inverse_rows);
@@ -83,7 +84,8 @@ Solution solve_sirt(const Problem& problem, const SirtOptions& options) {
         }
       });
     }
-    if (options.smoothing > 0) smooth(out.volume, update, projector.grid(), options.smoothing, problem.team);
+    if (options.smoothing > 0)
+      smooth(out.volume, update, projector.layout(), options.smoothing, problem.team);
     out.iterations = iteration;
     out.voxel_updates += static_cast<double>(voxels) * static_cast<double>(subsets.size());
     if (const auto reason = monitor.after(iteration, norm > 0 ? std::sqrt(squares / norm) : 0)) {

@@ -55,7 +55,8 @@ enum Purpose : std::uint64_t { kMaskStream = 1, kOffspringStream = 2 };
 Solution solve_ert(const Problem& problem, const ErtOptions& options) {
   Monitor monitor(problem.control, options.max_generations, 0);
   Solution out;
-  out.volume.assign(problem.projector.grid().voxels(), 0);
+  const Layout& layout = problem.projector.layout();
+  out.volume.assign(layout.voxels(), 0);
   const float scale = largest_voxel(problem);
   if (!(scale > 0)) {
     out.stop_reason = StopReason::Fitness;
@@ -64,8 +65,8 @@ Solution solve_ert(const Problem& problem, const ErtOptions& options) {
   const std::uint64_t seed = problem.control.seed;
   const auto samples = static_cast<std::size_t>(options.mask_samples);
   Stream mask_stream(seed, std::uint64_t{kMaskStream} << 56);
-  Mask mask = mask_from_images(problem.projector, problem.images, samples, mask_stream);
   Population population(problem, options, scale);
+  Mask mask = mask_from_images(problem.projector, population.measured(), samples, mask_stream);
 
   constexpr int kReportEvery = 500;
   bool use_gradient = false;
@@ -85,7 +86,7 @@ Solution solve_ert(const Problem& problem, const ErtOptions& options) {
     if (generation >= options.max_generations) reason = StopReason::Iterations;
     if (1 - population.best().z >= options.fit_threshold) reason = StopReason::Fitness;
     if (reason || generation % kReportEvery == 0) {
-      const double residual = relative_distance(population.best().images, problem.images);
+      const double residual = relative_distance(population.best().images, population.measured());
       monitor.after(generation, residual, 1 - population.best().z);
     }
     if (reason) {
@@ -94,7 +95,7 @@ Solution solve_ert(const Problem& problem, const ErtOptions& options) {
       break;
     }
   }
-  out.volume = population.best_field();
+  out.volume = layout.pack_volume(population.best_field());
   for (float& v : out.volume) v *= scale;
   out.voxel_updates = population.voxel_updates();
   out.history = monitor.history();

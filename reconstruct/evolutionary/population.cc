@@ -9,19 +9,22 @@ Population::Population(const Problem& problem, const ErtOptions& options, float 
     : problem_(problem),
       options_(options),
       voxel_scale_(voxel_scale),
+      measured_(problem.projector.layout().unpack_images(problem.images)),
       base_(problem.projector.grid().voxels(), 0) {
   Chromosome dark;
-  dark.images.assign(problem.projector.pixels(), 0);
-  dark.z = distance_z(problem.images, dark.images, options.lp);
+  dark.images.assign(measured_.size(), 0);
+  dark.z = distance_z(measured_, dark.images, options.lp);
   members_.assign(static_cast<std::size_t>(options.population_size), dark);
   offspring_ = members_;
   relative_.assign(members_.size(), 1);
 }
 
 void Population::render(Chromosome& chromosome, Team& team) const {
-  std::vector<float> field = field_of(chromosome, base_);
+  const Layout& layout = problem_.projector.layout();
+  std::vector<float> field = layout.pack_volume(field_of(chromosome, base_)), images(layout.pixels());
   for (float& v : field) v *= voxel_scale_;
-  problem_.projector.forward(team, field, chromosome.images);
+  problem_.projector.forward(team, field, images);
+  chromosome.images = layout.unpack_images(images);
 }
 
 void Population::make_offspring(std::size_t i, const Mask& mask, double sigma, Stream stream) {
@@ -39,7 +42,7 @@ void Population::make_offspring(std::size_t i, const Mask& mask, double sigma, S
     Team alone(1);
     render(child, alone);
   }
-  child.z = distance_z(problem_.images, child.images, options_.lp);
+  child.z = distance_z(measured_, child.images, options_.lp);
 }
 
 void Population::evolve(const Mask& mask, double sigma, std::uint64_t seed, std::uint64_t first_stream) {
@@ -76,7 +79,7 @@ double Population::render_anew() {
           member.images[e.pixel] += (gene.value - base_[gene.voxel]) * voxel_scale_ * e.weight;
       }
     }
-    member.z = distance_z(problem_.images, member.images, options_.lp);
+    member.z = distance_z(measured_, member.images, options_.lp);
   }
   return drift;
 }

@@ -26,6 +26,7 @@ class Population {
   std::vector<float> best_field() const { return field_of(best(), base_); }
   const std::vector<Chromosome>& members() const { return members_; }
   std::vector<float> field(std::size_t member) const { return field_of(members_[member], base_); }
+  const std::vector<float>& measured() const { return measured_; }
   double voxel_updates() const { return voxel_updates_; }
 
  private:
@@ -35,7 +36,8 @@ class Population {
   const Problem& problem_;
   const ErtOptions& options_;
   float voxel_scale_;
-  std::vector<float> base_;  // the field of the best
+  std::vector<float> measured_;  // b, (views, rows, cols): evolution works on unpacked arrays
+  std::vector<float> base_;      // the field of the best
   std::vector<Chromosome> members_, offspring_;
   std::vector<double> relative_;
   std::size_t best_ = 0;

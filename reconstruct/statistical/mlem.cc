@@ -27,7 +27,7 @@ constexpr std::size_t kGrain = 8192;
 
 // b / Ax, where the ray can see anything; squares of residuals are summed on the way.
 double ratios(const Problem& problem, std::span<const std::size_t> views, std::span<float> images) {
-  const std::size_t pixels = problem.projector.pixels() / problem.projector.views();
+  const std::size_t pixels = problem.projector.layout().pixels_per_view();
   std::vector<double> squares(views.size(), 0);
   problem.team.run(views.size(), [&](std::size_t i) {
     for (std::size_t p = views[i] * pixels; p < (views[i] + 1) * pixels; ++p) {
@@ -45,10 +45,10 @@ double ratios(const Problem& problem, std::span<const std::size_t> views, std::s
 
 Solution solve_mlem(const Problem& problem, const MlemOptions& options) {
   const Projector& projector = problem.projector;
-  const std::size_t voxels = projector.grid().voxels();
+  const std::size_t voxels = projector.layout().voxels();
   const auto subsets = ordered_subsets(projector.views(), options.subsets);
 
-  std::vector<float> images(projector.pixels(), 1), update(voxels);
+  std::vector<float> images(projector.layout().pixels(), 1), update(voxels);
   std::vector<std::vector<float>> sensitivity(subsets.size(), std::vector<float>(voxels));
   for (std::size_t s = 0; s < subsets.size(); ++s)
     projector.adjoint(problem.team, subsets[s], images, sensitivity[s]);
@@ -80,7 +80,8 @@ Solution solve_mlem(const Problem& problem, const MlemOptions& options) {
         }
       });
     }
-    if (options.smoothing > 0) smooth(out.volume, update, projector.grid(), options.smoothing, problem.team);
+    if (options.smoothing > 0)
+      smooth(out.volume, update, projector.layout(), options.smoothing, problem.team);
     out.iterations = iteration;
     out.voxel_updates += static_cast<double>(voxels) * static_cast<double>(subsets.size());
     const double residual = norm > 0 ? std::sqrt(squares / norm) : 0;

@@ -25,7 +25,8 @@ struct Scene {
   Team team{2};
   Projector projector = *Projector::make(rig, grid, {}, team);
   SolveControl control;
-  Problem problem{projector, images.values, control, team};
+  std::vector<float> packed = projector.layout().pack_images(images.values);
+  Problem problem{projector, packed, control, team};
 
   Mask mask() const {
     Stream stream(1, 1);
@@ -33,9 +34,10 @@ struct Scene {
   }
   // A x of a chromosome, rendered.
   std::vector<float> rendered(const std::vector<float>& field) {
-    std::vector<float> out(projector.pixels());
-    projector.forward(team, field, out);
-    return out;
+    const Layout& layout = projector.layout();
+    std::vector<float> out(layout.pixels());
+    projector.forward(team, layout.pack_volume(field), out);
+    return layout.unpack_images(out);
   }
 };
 

@@ -29,13 +29,22 @@ class ProjectorTest : public testing::TestWithParam<Case> {
   Projector projector = *Projector::make(
       rig, grid, {.pixel_samples = GetParam().pixel_samples, .memory_budget_mib = GetParam().budget_mib},
       team);
+  const Layout& layout = projector.layout();
+
+  std::vector<float> random_volume(std::uint64_t seed) const {
+    return layout.pack_volume(random_values(grid.voxels(), seed));
+  }
+  std::vector<float> random_images(std::uint64_t seed) const {
+    return layout.pack_images(random_values(plain_pixels(), seed));
+  }
+  std::size_t plain_pixels() const { return projector.views() * std::size_t(layout.rows * layout.cols); }
 };
 
 TEST_P(ProjectorTest, AdjointIsTheTransposeOfForward) {
   for (std::uint64_t seed = 1; seed <= 5; ++seed) {
     SCOPED_TRACE(seed);
-    const auto x = random_values(grid.voxels(), seed), y = random_values(projector.pixels(), seed + 100);
-    std::vector<float> ax(projector.pixels()), aty(grid.voxels());
+    const auto x = random_volume(seed), y = random_images(seed + 100);
+    std::vector<float> ax(layout.pixels()), aty(layout.voxels());
     projector.forward(team, x, ax);
     projector.adjoint(team, y, aty);
     const double left = dot(ax, y), right = dot(x, aty);
@@ -46,11 +55,12 @@ TEST_P(ProjectorTest, AdjointIsTheTransposeOfForward) {
 
 TEST_P(ProjectorTest, AColumnIsTheImageOfItsVoxel) {
   std::vector<ColumnEntry> column;
-  std::vector<float> x(grid.voxels()), ax(projector.pixels());
+  std::vector<float> x(grid.voxels()), packed(layout.pixels());
   for (std::size_t voxel = 0; voxel < grid.voxels(); voxel += 41) {
     x.assign(grid.voxels(), 0);
     x[voxel] = 1;
-    projector.forward(team, x, ax);
+    projector.forward(team, layout.pack_volume(x), packed);
+    auto ax = layout.unpack_images(packed);
     projector.column(voxel, column);
     for (const ColumnEntry& e : column) {
       EXPECT_NEAR(ax[e.pixel], e.weight, 1e-5);
@@ -65,14 +75,15 @@ TEST_P(ProjectorTest, ForwardAgreesWithTheRenderer) {
   volume.values = random_values(grid.voxels(), 3);
   const auto rendered = render(volume, rig, {.pixel_samples = GetParam().pixel_samples});
   ASSERT_TRUE(rendered.has_value());
-  std::vector<float> ax(projector.pixels());
-  projector.forward(team, volume.values, ax);
+  std::vector<float> packed(layout.pixels());
+  projector.forward(team, layout.pack_volume(volume.values), packed);
+  const auto ax = layout.unpack_images(packed);
   for (std::size_t i = 0; i < ax.size(); ++i) EXPECT_NEAR(ax[i], rendered->values[i], 1e-4);
 }
 
 TEST_P(ProjectorTest, SubsetsOfViewsAddUpToTheWhole) {
-  const auto y = random_values(projector.pixels(), 8);
-  std::vector<float> whole(grid.voxels()), part(grid.voxels()), sum(grid.voxels(), 0);
+  const auto y = random_images(8);
+  std::vector<float> whole(layout.voxels()), part(layout.voxels()), sum(layout.voxels(), 0);
   projector.adjoint(team, y, whole);
   for (const std::vector<std::size_t>& views :
        {std::vector<std::size_t>{0, 2}, std::vector<std::size_t>{1, 3}}) {
@@ -84,8 +95,8 @@ TEST_P(ProjectorTest, SubsetsOfViewsAddUpToTheWhole) {
 
 TEST_P(ProjectorTest, ResultsAreBitIdenticalForAnyNumberOfThreads) {
   Team one(1), three(3);
-  const auto x = random_values(grid.voxels(), 1), y = random_values(projector.pixels(), 2);
-  std::vector<float> a(projector.pixels()), b(a), c(grid.voxels()), d(c);
+  const auto x = random_volume(1), y = random_images(2);
+  std::vector<float> a(layout.pixels()), b(a), c(layout.voxels()), d(c);
   projector.forward(one, x, a);
   projector.forward(three, x, b);
   projector.adjoint(one, y, c);
