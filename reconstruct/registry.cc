@@ -10,15 +10,16 @@ namespace flamefield {
 namespace {
 
 // A solver whose recipe table is named like it and holds the fields of Options.
-template <class Options>
+template <class Options, class Answer>  // Answer: Solution or Result<Solution>
 Solver entry(std::string_view name, std::string_view summary, Options defaults,
-             std::vector<SettingField> (*fields)(Options&),
-             Solution (*solve)(const Problem&, const Options&)) {
+             std::vector<SettingField> (*fields)(Options&), Answer (*solve)(const Problem&, const Options&),
+             bool takes_start = true) {
   const auto read = [=](const Recipe& recipe, Options& options) {
     const std::vector<SettingField> bound = fields(options);
     return read_settings(name, bound, recipe);
   };
-  return {name, summary,
+  return {name,
+          summary,
           [=] {
             Options options = defaults;
             return describe(fields(options));
@@ -27,11 +28,12 @@ Solver entry(std::string_view name, std::string_view summary, Options defaults,
             Options options = defaults;
             return read(recipe, options);
           },
-          [=](const Problem& problem, const Recipe& recipe) {
+          [=](const Problem& problem, const Recipe& recipe) -> Result<Solution> {
             Options options = defaults;
             expect(read(recipe, options).has_value(), "the recipe was checked");
             return solve(problem, options);
-          }};
+          },
+          takes_start};
 }
 
 }  // namespace
@@ -49,7 +51,7 @@ std::span<const Solver> solvers() {
             os_sart_fields, solve_sirt),
       entry("ert",
             "evolutionary reconstruction: genetic operators at Metropolis-drawn voxels (Energies 12, 2019)",
-            ErtOptions{}, ert_fields, solve_ert),
+            ErtOptions{}, ert_fields, solve_ert, false),
   };
   return list;
 }

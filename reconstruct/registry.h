@@ -14,8 +14,10 @@ struct Solver {
   std::string_view name;
   std::string_view summary;  // one line with its source
   std::function<std::vector<SettingDoc>()> settings;
-  std::function<Result<>(const Recipe&)> check;                // of its own table
-  std::function<Solution(const Problem&, const Recipe&)> run;  // after a successful check
+  std::function<Result<>(const Recipe&)> check;  // of its own table
+  // After a successful check. InvalidInput: a problem that this solver cannot take, e.g. for its geometry.
+  std::function<Result<Solution>(const Problem&, const Recipe&)> run;
+  bool takes_start = true;  // whether a warm start is of use
 };
 
 // The one list of solvers, default first.

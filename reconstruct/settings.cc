@@ -11,8 +11,24 @@ namespace {
 
 std::string range_text(const SettingField& field) {
   if (std::holds_alternative<bool*>(field.target)) return "true or false";
+  if (const auto* choice = std::get_if<Choice>(&field.target)) {
+    std::string names;
+    for (std::string_view name : choice->names) names.append(names.empty() ? "" : " | ").append(name);
+    return names;
+  }
   const bool bounded = field.high < 1e12;
   return bounded ? concat(field.low, " .. ", field.high) : concat(">= ", field.low);
+}
+
+std::string value_text(const SettingField& field) {
+  if (const auto* choice = std::get_if<Choice>(&field.target))
+    return std::string(choice->names[choice->get(choice->target)]);
+  return std::visit(
+      [](const auto& v) -> std::string {
+        if constexpr (std::is_pointer_v<std::decay_t<decltype(v)>>) return concat(std::boolalpha, *v);
+        return {};
+      },
+      field.target);
 }
 
 Result<> store(std::string_view name, const SettingField& field, const Setting& setting) {
@@ -23,6 +39,12 @@ Result<> store(std::string_view name, const SettingField& field, const Setting& 
   if (auto* const* target = std::get_if<bool*>(&field.target)) {
     if (!std::holds_alternative<bool>(setting)) return wrong("must be true or false");
     **target = std::get<bool>(setting);
+    return {};
+  }
+  if (const auto* choice = std::get_if<Choice>(&field.target)) {
+    const auto named = std::ranges::find(choice->names, text_of(setting));
+    if (named == choice->names.end()) return wrong("no such choice");
+    choice->set(choice->target, static_cast<std::size_t>(named - choice->names.begin()));
     return {};
   }
   const bool integer = std::holds_alternative<std::int64_t>(setting);
@@ -44,8 +66,7 @@ Result<> store(std::string_view name, const SettingField& field, const Setting& 
 std::vector<SettingDoc> describe(std::span<const SettingField> fields) {
   std::vector<SettingDoc> out;
   for (const SettingField& field : fields) {
-    const std::string value =
-        std::visit([](const auto* v) { return concat(std::boolalpha, *v); }, field.target);
+    const std::string value = value_text(field);
     out.push_back(
         {std::string(field.key), std::string(field.unit), range_text(field), value, std::string(field.doc)});
   }

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "proto/nearest_name.h"
+#include "reconstruct/constraints.h"
 #include "reconstruct/metrics.h"
 #include "reconstruct/prepare.h"
 #include "reconstruct/problem.h"
@@ -24,6 +25,10 @@ std::string_view name_of(StopReason reason) {
       return "time limit";
     case StopReason::Cancelled:
       return "cancelled";
+    case StopReason::Discrepancy:
+      return "discrepancy";
+    case StopReason::Stagnation:
+      return "stagnation";
   }
   return "unknown";
 }
@@ -81,22 +86,92 @@ Result<> check_views(const Projections& p, const Projector& projector) {
   return {};
 }
 
-std::vector<SettingField> fields_of_table(std::string_view table, ProjectorOptions& projector,
-                                          PrepareOptions& prepare) {
-  if (table == "projector") return fields_of(projector);
-  return table == "prepare" ? fields_of(prepare) : std::vector<SettingField>();
+// What a recipe says beside its solvers' own tables.
+struct SharedOptions {
+  ProjectorOptions projector;
+  PrepareOptions prepare;
+  Constraints constraints;
+  StopRules stop;
+  NoiseModel noise;
+};
+struct SharedTable {
+  std::string_view name;
+  std::vector<SettingField> fields;
+};
+std::vector<SharedTable> tables_of(SharedOptions& o) {
+  return {{"projector", fields_of(o.projector)},
+          {"prepare", fields_of(o.prepare)},
+          {"constraints", fields_of(o.constraints)},
+          {"stop", fields_of(o.stop)},
+          {"noise", fields_of(o.noise)}};
+}
+
+Result<SharedOptions> shared_options(const Recipe& recipe) {
+  SharedOptions options;
+  for (const SharedTable& table : tables_of(options))
+    if (auto ok = read_settings(table.name, table.fields, recipe); !ok) return tl::unexpected(ok.error());
+  return options;
+}
+
+// A camera without any ray through the box is a mistake in rig, grid or units.
+Result<> check_sight(const Projector& projector, Team& team) {
+  const Layout& layout = projector.layout();
+  std::vector<float> images(layout.pixels());
+  projector.forward(team, std::vector<float>(layout.voxels(), 1), images);
+  for (std::size_t v = 0; v < projector.views(); ++v) {
+    const auto view = std::span(images).subspan(v * layout.pixels_per_view(), layout.pixels_per_view());
+    if (std::ranges::any_of(view, [](float length_mm) { return length_mm > 0; })) continue;
+    const Eigen::Vector3d low = projector.grid().lower_mm(), high = projector.grid().upper_mm();
+    return invalid_input(concat("camera ", projector.view_names()[v], " does not see the domain"),
+                         concat("none of its rays meets the box from (", low.x(), ", ", low.y(), ", ",
+                                low.z(), ") to (", high.x(), ", ", high.y(), ", ", high.z(), ") mm"),
+                         "check the rig, the size, spacing and origin of the domain");
+  }
+  return {};
+}
+
+Result<> check_start(const SolveControl& control, const Grid& grid, const Solver& solver) {
+  if (!control.start) return {};
+  if (!solver.takes_start) {
+    return invalid_input("a warm start", concat("solver ", solver.name, " has no use for one"),
+                         "leave it out or choose an iterative solver, e.g. sirt");
+  }
+  const Grid& given = control.start->grid;
+  if (!(given == grid) || control.start->values.size() != grid.voxels()) {
+    const auto text = [](const Grid& g) {
+      return concat(g.nx, "x", g.ny, "x", g.nz, " voxels of ", g.spacing_mm.x(), "x", g.spacing_mm.y(), "x",
+                    g.spacing_mm.z(), " mm from (", g.origin_mm.x(), ", ", g.origin_mm.y(), ", ",
+                    g.origin_mm.z(), ") mm");
+    };
+    return invalid_input(concat("the warm start has ", text(given)), concat("the domain has ", text(grid)),
+                         "start from a volume of the same size, spacing and origin");
+  }
+  for (std::size_t i = 0; i < grid.voxels(); ++i) {
+    if (!std::isfinite(control.start->values[i]))
+      return invalid_input(concat("the warm start: ", control.start->values[i], " at voxel ", i),
+                           "every value must be finite", "start from another volume");
+  }
+  return {};
+}
+
+// Many pixels at exactly the brightest value look like a sensor at its full scale.
+std::vector<std::string> notes_about(const Projections& projections, float brightest) {
+  constexpr double kShare = 1e-3;
+  const auto at_top = static_cast<std::size_t>(std::ranges::count(projections.values, brightest));
+  if (!(brightest > 0) || at_top < 4 ||
+      static_cast<double>(at_top) < kShare * static_cast<double>(projections.values.size()))
+    return {};
+  return {concat(at_top, " pixels share the brightest value ", brightest,
+                 ": the images may be saturated, and the field too dim there")};
 }
 
 }  // namespace
 
-double relative_distance(std::span<const float> a, std::span<const float> b) {
-  double difference = 0, size = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    const double d = static_cast<double>(a[i]) - b[i];
-    difference += d * d;
-    size += static_cast<double>(b[i]) * b[i];
-  }
-  return size > 0 ? std::sqrt(difference / size) : difference > 0 ? INFINITY : 0;
+std::vector<std::string_view> shared_tables() {
+  SharedOptions options;
+  std::vector<std::string_view> names;
+  for (const SharedTable& table : tables_of(options)) names.push_back(table.name);
+  return names;
 }
 
 std::vector<std::string_view> solver_names() {
@@ -107,9 +182,10 @@ std::vector<std::string_view> solver_names() {
 
 std::vector<SettingDoc> settings_of(std::string_view table) {
   if (const Solver* solver = find_solver(table)) return solver->settings();
-  ProjectorOptions projector;
-  PrepareOptions prepare;
-  return describe(fields_of_table(table, projector, prepare));
+  SharedOptions options;
+  for (const SharedTable& shared : tables_of(options))
+    if (shared.name == table) return describe(shared.fields);
+  return {};
 }
 
 std::string_view summary_of(std::string_view name) {
@@ -118,16 +194,16 @@ std::string_view summary_of(std::string_view name) {
 }
 
 Result<ProjectorOptions> projector_options(const Recipe& recipe) {
-  ProjectorOptions options;
-  const auto fields = fields_of(options);
-  if (auto ok = read_settings("projector", fields, recipe); !ok) return tl::unexpected(ok.error());
-  return options;
+  const auto options = shared_options(recipe);
+  if (!options) return tl::unexpected(options.error());
+  return options->projector;
 }
 
 Result<> validate_recipe(const Recipe& recipe) {
   if (auto solver = solver_of(recipe); !solver) return tl::unexpected(solver.error());
   std::vector<std::string_view> tables = solver_names();
-  tables.insert(tables.end(), {"projector", "prepare"});
+  const std::vector<std::string_view> shared = shared_tables();
+  tables.insert(tables.end(), shared.begin(), shared.end());
   for (const auto& [name, setting] : recipe.settings) {
     const std::string_view table = std::string_view(name).substr(0, name.find('.'));
     if (std::ranges::find(tables, table) == tables.end()) {
@@ -137,8 +213,7 @@ Result<> validate_recipe(const Recipe& recipe) {
   }
   for (const Solver& solver : solvers())
     if (auto ok = solver.check(recipe); !ok) return ok;
-  if (auto ok = projector_options(recipe); !ok) return tl::unexpected(ok.error());
-  if (auto ok = prepare_options(recipe); !ok) return tl::unexpected(ok.error());
+  if (auto ok = shared_options(recipe); !ok) return tl::unexpected(ok.error());
   return {};
 }
 
@@ -148,25 +223,48 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   if (auto ok = check_views(projections, projector); !ok) return tl::unexpected(ok.error());
   const auto start = std::chrono::steady_clock::now();
   const Solver& solver = **solver_of(recipe);
+  if (auto ok = check_start(control, projector.grid(), solver); !ok) return tl::unexpected(ok.error());
+  const SharedOptions shared = *shared_options(recipe);
   Team team(control.threads);
+  if (auto ok = check_sight(projector, team); !ok) return tl::unexpected(ok.error());
 
   // Solvers see images whose brightest pixel is 1.
   const float brightest = *std::ranges::max_element(projections.values);
   const float scale = brightest > 0 ? brightest : 1;
-  std::vector<float> images = projector.layout().pack_images(projections.values);
+  const Layout& layout = projector.layout();
+  std::vector<float> images = layout.pack_images(projections.values);
   for (float& v : images) v /= scale;
-  Solution solution = solver.run({projector, images, control, team}, recipe);
+  Problem problem{projector, images, control, team};
+  problem.non_negative = shared.constraints.non_negative;
+  problem.stop = shared.stop;
+  problem.noise = shared.noise;
+  if (problem.stop.discrepancy > 0)
+    problem.stop.expected_residual = expected_residual(noise_of(problem), images, layout);
+  std::vector<std::uint8_t> support;
+  if (shared.constraints.visual_hull)
+    support = visual_hull(projector, images, shared.constraints.hull_threshold, team);
+  problem.support = support;
+  std::vector<float> warm;
+  if (control.start) warm = layout.pack_volume(control.start->values);
+  for (float& v : warm) v /= scale;
+  problem.start = warm;
+  auto solved = solver.run(problem, recipe);
+  if (!solved) return tl::unexpected(solved.error());
+  Solution& solution = *solved;
 
   Reconstruction out;
   projector.forward(team, solution.volume, images);
   Projections rendered = projections;
-  rendered.values = projector.layout().unpack_images(images);
+  rendered.values = layout.unpack_images(images);
   for (float& v : rendered.values) v *= scale;
   out.residual = relative_distance(rendered.values, projections.values);
   out.residual_per_view = residual_per_view(projections, rendered);
   out.volume.grid = projector.grid();
-  out.volume.values = projector.layout().unpack_volume(solution.volume);
+  out.volume.values = layout.unpack_volume(solution.volume);
   for (float& v : out.volume.values) v *= scale;
+  if (!solution.sigma.empty()) out.sigma = layout.unpack_volume(solution.sigma);
+  for (float& s : out.sigma) s *= scale;
+  out.notes = notes_about(projections, brightest);
   out.solver = recipe.solver;
   out.iterations = solution.iterations;
   out.voxel_updates = solution.voxel_updates;

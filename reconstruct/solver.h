@@ -23,17 +23,19 @@ struct SolverProgress {
   double elapsed_s = 0;
 };
 
-// Outside control of a solve. Not part of the recipe: it changes when a result is ready, never what is
-// computed, except that a time limit or a stop ends it early with the best so far.
+// Outside control of a solve, no part of the recipe. A time limit or a stop ends it early with the best so
+// far.
 struct SolveControl {
   int threads = 0;          // 0: all
   double time_limit_s = 0;  // 0: none
   std::uint64_t seed = 1;   // of the stochastic solvers
   std::stop_token stop = {};
   std::function<void(const SolverProgress&)> progress = {};
+  // A warm start, e.g. the field of the pulse before, on the same grid; must outlive the solve. Null: none.
+  const Volume* start = nullptr;
 };
 
-enum class StopReason { Iterations, Residual, Fitness, TimeLimit, Cancelled };
+enum class StopReason { Iterations, Residual, Fitness, TimeLimit, Cancelled, Discrepancy, Stagnation };
 std::string_view name_of(StopReason reason);
 
 struct HistoryPoint {
@@ -44,7 +46,8 @@ struct HistoryPoint {
 };
 
 struct Reconstruction {
-  Volume volume;  // physical units: field unit as in the projections
+  Volume volume;             // physical units: field unit as in the projections
+  std::vector<float> sigma;  // likewise (nz, ny, nx): the noise's standard deviation of each voxel; or empty
   std::string solver;
   int iterations = 0;
   double residual = 0;                    // |Ax - b| / |b| at the end
@@ -54,6 +57,7 @@ struct Reconstruction {
   std::string projector_engine;  // how A was applied, e.g. "stored 312 MiB"
   StopReason stop_reason = StopReason::Iterations;
   std::vector<HistoryPoint> history;
+  std::vector<std::string> notes;  // what the user should know about the input, e.g. saturated images
 };
 
 // Names for --solver, default first.
@@ -61,7 +65,8 @@ std::vector<std::string_view> solver_names();
 
 // Runs the recipe's solver. InvalidInput: views that do not match the rig, NaN or infinity among the
 // projections (named by view, row and column), unknown solver or setting (with the nearest known name), an
-// empty or oversized grid.
+// empty or oversized grid, a rig that does not see it, a warm start of another grid or for a solver that has
+// no use for one.
 Result<Reconstruction> reconstruct(const Projections& projections, const Rig& rig, const Grid& grid,
                                    const Recipe& recipe, const SolveControl& control);
 
@@ -72,8 +77,10 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
 // How a recipe wants its projector (table [projector]).
 Result<ProjectorOptions> projector_options(const Recipe& recipe);
 
-// The settings of a table: a solver's name, "projector" or "prepare". Empty for others.
+// The settings of a table: a solver's name, "projector", "prepare", or one of those that all solvers
+// share: "constraints", "stop", "noise". Empty for others.
 std::vector<SettingDoc> settings_of(std::string_view table);
+std::vector<std::string_view> shared_tables();         // tables that are no solver's
 std::string_view summary_of(std::string_view solver);  // one line with its source
 
 // Checks solver name and all tables of a recipe without running it.

@@ -12,9 +12,7 @@ namespace flamefield {
 std::vector<SettingField> sirt_fields(SirtOptions& o) {
   return {{"max_iterations", "", 1, 1e6, "iterations; more sharpen the noise", &o.max_iterations},
           {"relaxation", "", 1e-6, 1.999, "step length", &o.relaxation},
-          {"non_negative", "", 0, 1, "clip the field below zero at each step", &o.non_negative},
-          {"smoothing", "", 0, 1, "share of a 7-point filter after each iteration", &o.smoothing},
-          {"residual_tolerance", "", 0, 1, "stop when |Ax - b| / |b| is below", &o.residual_tolerance}};
+          {"smoothing", "", 0, 1, "share of a 7-point filter after each iteration", &o.smoothing}};
 }
 
 std::vector<SettingField> os_sart_fields(SirtOptions& o) {
@@ -67,11 +65,10 @@ Solution solve_sirt(const Problem& problem, const SirtOptions& options) {
   double norm = 0;
   for (float b : problem.images) norm += static_cast<double>(b) * b;
 
-  Monitor monitor(problem.control, options.max_iterations, options.residual_tolerance);
+  Monitor monitor(problem.control, options.max_iterations, problem.stop);
   Solution out;
-  out.volume.assign(voxels, 0);
+  out.volume = start_of(problem);
   const auto relaxation = static_cast<float>(options.relaxation);
-  const float floor = options.non_negative ? 0.0f : -INFINITY;
   for (int iteration = 1;; ++iteration) {
     double squares = 0;
     for (std::size_t s = 0; s < subsets.size(); ++s) {
@@ -79,13 +76,15 @@ Solution solve_sirt(const Problem& problem, const SirtOptions& options) {
       squares += weighted_residuals(problem, subsets[s], inverse_rows, images);
       projector.adjoint(problem.team, subsets[s], images, update);
       problem.team.run_ranges(voxels, kGrain, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t j = begin; j < end; ++j) {
-          out.volume[j] = std::max(floor, out.volume[j] + relaxation * inverse_columns[s][j] * update[j]);
-        }
+        for (std::size_t j = begin; j < end; ++j)
+          out.volume[j] += relaxation * inverse_columns[s][j] * update[j];
       });
+      constrain(problem, out.volume);
     }
-    if (options.smoothing > 0)
+    if (options.smoothing > 0) {
       smooth(out.volume, update, projector.layout(), options.smoothing, problem.team);
+      constrain(problem, out.volume);
+    }
     out.iterations = iteration;
     out.voxel_updates += static_cast<double>(voxels) * static_cast<double>(subsets.size());
     if (const auto reason = monitor.after(iteration, norm > 0 ? std::sqrt(squares / norm) : 0)) {

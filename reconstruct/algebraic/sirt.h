@@ -13,10 +13,8 @@ namespace flamefield {
 struct SirtOptions {
   int max_iterations = 100;
   double relaxation = 1.5;
-  bool non_negative = true;
   double smoothing = 0.02;
   int subsets = 1;
-  double residual_tolerance = 0;
 };
 std::vector<SettingField> sirt_fields(SirtOptions& options);
 std::vector<SettingField> os_sart_fields(SirtOptions& options);

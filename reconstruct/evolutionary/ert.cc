@@ -53,7 +53,7 @@ enum Purpose : std::uint64_t { kMaskStream = 1, kOffspringStream = 2 };
 
 // Algorithm 1.
 Solution solve_ert(const Problem& problem, const ErtOptions& options) {
-  Monitor monitor(problem.control, options.max_generations, 0);
+  Monitor monitor(problem.control, options.max_generations);
   Solution out;
   const Layout& layout = problem.projector.layout();
   out.volume.assign(layout.voxels(), 0);

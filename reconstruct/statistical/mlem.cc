@@ -11,8 +11,7 @@ namespace flamefield {
 
 std::vector<SettingField> mlem_fields(MlemOptions& o) {
   return {{"max_iterations", "", 1, 1e6, "iterations; more sharpen the noise", &o.max_iterations},
-          {"smoothing", "", 0, 1, "share of a 7-point filter after each iteration", &o.smoothing},
-          {"residual_tolerance", "", 0, 1, "stop when |Ax - b| / |b| is below", &o.residual_tolerance}};
+          {"smoothing", "", 0, 1, "share of a 7-point filter after each iteration", &o.smoothing}};
 }
 
 std::vector<SettingField> osem_fields(MlemOptions& o) {
@@ -55,9 +54,10 @@ Solution solve_mlem(const Problem& problem, const MlemOptions& options) {
   double norm = 0;
   for (float b : problem.images) norm += static_cast<double>(b) * b;
 
-  Monitor monitor(problem.control, options.max_iterations, options.residual_tolerance);
+  Monitor monitor(problem.control, options.max_iterations, problem.stop);
   Solution out;
-  // Starts where the total is about right; voxels that no ray meets stay dark.
+  // Starts where the total is about right, or warm; a voxel of exactly zero would never light up again.
+  constexpr float kFaint = 1e-4f;
   std::vector<float> seen(voxels, 1);
   projector.forward(problem.team, seen, images);
   double sum_b = 0, sum_a = 0;
@@ -65,7 +65,10 @@ Solution solve_mlem(const Problem& problem, const MlemOptions& options) {
     sum_b += std::max(problem.images[p], 0.0f);
     sum_a += images[p];
   }
-  out.volume.assign(voxels, sum_a > 0 ? static_cast<float>(sum_b / sum_a) : 0.0f);
+  const float level = sum_a > 0 ? static_cast<float>(sum_b / sum_a) : 0.0f;
+  out.volume = start_of(problem);
+  for (float& x : out.volume) x = problem.start.empty() ? level : std::max(x, kFaint * level);
+  constrain(problem, out.volume);
 
   for (int iteration = 1;; ++iteration) {
     double squares = 0;
@@ -80,8 +83,10 @@ Solution solve_mlem(const Problem& problem, const MlemOptions& options) {
         }
       });
     }
-    if (options.smoothing > 0)
+    if (options.smoothing > 0) {
       smooth(out.volume, update, projector.layout(), options.smoothing, problem.team);
+      constrain(problem, out.volume);
+    }
     out.iterations = iteration;
     out.voxel_updates += static_cast<double>(voxels) * static_cast<double>(subsets.size());
     const double residual = norm > 0 ? std::sqrt(squares / norm) : 0;

@@ -15,7 +15,6 @@ struct MlemOptions {
   int max_iterations = 80;
   int subsets = 1;         // of views; 1: MLEM, more: OSEM
   double smoothing = 0.1;  // share of the paper's filter (1/2 centre + 1/12 neighbours) after each iteration
-  double residual_tolerance = 0;
 };
 std::vector<SettingField> mlem_fields(MlemOptions& options);
 std::vector<SettingField> osem_fields(MlemOptions& options);

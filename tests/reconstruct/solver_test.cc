@@ -133,7 +133,7 @@ TEST(Solver, ReturnsTheBestSoFarWhenCancelledOrOutOfTime) {
 }
 
 TEST(Solver, StopsAtTheResidualTolerance) {
-  const auto out = run(recipe_of("mlem", {"mlem.residual_tolerance=0.2"}));
+  const auto out = run(recipe_of("mlem", {"stop.residual=0.2"}));
   ASSERT_TRUE(out.has_value());
   EXPECT_EQ(out->stop_reason, StopReason::Residual);
   EXPECT_LE(out->history.back().residual, 0.2);
@@ -190,7 +190,8 @@ TEST(Recipe, UnknownNamesAreRefusedWithTheNearestKnownOne) {
   EXPECT_NE(message(recipe_of("mlem", {"projecter.step_voxels=0.4"})).find("did you mean [projector]"),
             std::string::npos);
   EXPECT_NE(message(recipe_of("mlem", {"sirt.relaxation=2.5"})).find("out of range"), std::string::npos);
-  EXPECT_NE(message(recipe_of("mlem", {"sirt.non_negative=3"})).find("true or false"), std::string::npos);
+  EXPECT_NE(message(recipe_of("mlem", {"constraints.non_negative=3"})).find("true or false"),
+            std::string::npos);
   EXPECT_NE(message(recipe_of("mlem", {"mlem.max_iterations=3.5"})).find("whole number"), std::string::npos);
   EXPECT_NE(message(recipe_of("mlem", {"prepare.bining=3"})).find("prepare.binning"), std::string::npos);
   EXPECT_EQ(
@@ -200,7 +201,8 @@ TEST(Recipe, UnknownNamesAreRefusedWithTheNearestKnownOne) {
 
 TEST(Recipe, EverySettingIsDocumented) {
   std::vector<std::string_view> tables = solver_names();
-  tables.insert(tables.end(), {"projector", "prepare"});
+  const auto shared = shared_tables();
+  tables.insert(tables.end(), shared.begin(), shared.end());
   for (const std::string_view table : tables) {
     EXPECT_FALSE(settings_of(table).empty()) << table;
     for (const SettingDoc& doc : settings_of(table)) {

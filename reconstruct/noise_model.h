@@ -1,0 +1,32 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "reconstruct/layout.h"
+#include "reconstruct/settings.h"
+
+namespace flamefield {
+
+// What disturbs the images, in a scale in which the brightest pixel is 1: a pixel of value b has the variance
+// sigma^2 + b / photons (recipe table [noise]; read and shot noise, Janesick, Photon Transfer, 2007).
+struct NoiseModel {
+  double sigma = 0;    // of a dark pixel, share of the brightest
+  double photons = 0;  // at the brightest pixel; 0: no shot noise
+
+  bool is_known() const { return sigma > 0 || photons > 0; }
+  double variance(double value) const {
+    return sigma * sigma + (photons > 0 && value > 0 ? value / photons : 0);
+  }
+};
+std::vector<SettingField> fields_of(NoiseModel& noise);
+
+// From the images alone (packed, brightest pixel 1): second differences along both axes remove what varies
+// smoothly (Immerkaer, Computer Vision and Image Understanding 64, 1996); their medians among dark and among
+// bright pixels give the two terms. Fine structure counts as noise, so it errs on the high side.
+NoiseModel estimate_noise(std::span<const float> images, const Layout& layout);
+
+// |noise| / |b| that the model expects; 0 for dark images. images: packed.
+double expected_residual(const NoiseModel& noise, std::span<const float> images, const Layout& layout);
+
+}  // namespace flamefield
