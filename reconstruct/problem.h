@@ -34,6 +34,7 @@ struct Solution {
   double voxel_updates = 0;
   StopReason stop_reason = StopReason::Iterations;
   std::vector<HistoryPoint> history;
+  std::vector<std::string> notes;  // what the solver chose by itself, e.g. a weight
 };
 
 // Onto the constraints: x <- 0 outside the support, and max(x, 0) where negative values are not allowed.

@@ -1,8 +1,14 @@
 #include "reconstruct/registry.h"
 
 #include "proto/check.h"
+#include "reconstruct/algebraic/art.h"
+#include "reconstruct/algebraic/cgls.h"
+#include "reconstruct/algebraic/mart.h"
 #include "reconstruct/algebraic/sirt.h"
+#include "reconstruct/algebraic/tikhonov.h"
+#include "reconstruct/analytic/fdk.h"
 #include "reconstruct/evolutionary/ert.h"
+#include "reconstruct/statistical/map.h"
 #include "reconstruct/statistical/mlem.h"
 
 namespace flamefield {
@@ -41,14 +47,29 @@ Solver entry(std::string_view name, std::string_view summary, Options defaults,
 std::span<const Solver> solvers() {
   static const std::vector<Solver> list = {
       entry("osem", "MLEM with ordered subsets of views (Hudson and Larkin 1994)",
-            MlemOptions{.max_iterations = 12, .subsets = 5, .smoothing = 0.3}, osem_fields, solve_mlem),
-      entry("mlem", "maximum likelihood for Poisson data (Shepp and Vardi 1982), smoothed EM", MlemOptions{},
-            mlem_fields, solve_mlem),
-      entry("sirt", "simultaneous iterative reconstruction (Gilbert 1972), non-negative", SirtOptions{},
-            sirt_fields, solve_sirt),
-      entry("os-sart", "SIRT with ordered subsets of views (Andersen and Kak 1984), non-negative",
-            SirtOptions{.max_iterations = 20, .relaxation = 1, .smoothing = 0.1, .subsets = 5},
+            SweepOptions{.max_iterations = 12, .subsets = 5, .smoothing = 0.3}, osem_fields, solve_mlem),
+      entry("mlem", "maximum likelihood for Poisson data (Shepp and Vardi 1982), smoothed EM",
+            SweepOptions{.max_iterations = 80, .smoothing = 0.1}, mlem_fields, solve_mlem),
+      entry("art", "algebraic reconstruction, one ray at a time (Kaczmarz 1937)", ArtOptions{}, art_fields,
+            solve_art),
+      entry("sart", "SIRT one view at a time (Andersen and Kak 1984)",
+            SirtOptions{.sweeps = {.max_iterations = 10, .smoothing = 0.1}, .relaxation = 0.5}, sirt_fields,
+            solve_sart),
+      entry("os-sart", "SIRT with ordered subsets of views (Wang and Jiang 2004)",
+            SirtOptions{.sweeps = {.max_iterations = 20, .subsets = 5, .smoothing = 0.1}, .relaxation = 1},
             os_sart_fields, solve_sirt),
+      entry("sirt", "simultaneous iterative reconstruction (Gilbert 1972)", SirtOptions{}, sirt_fields,
+            solve_sirt),
+      entry("mart", "multiplicative ART by groups of views (Gordon, Bender and Herman 1970)", MartOptions{},
+            mart_fields, solve_mart),
+      entry("cgls", "conjugate gradients for least squares (Hestenes and Stiefel 1952)", CglsOptions{},
+            cgls_fields, solve_cgls),
+      entry("tikhonov", "least squares with a quadratic penalty (Tikhonov 1963)", TikhonovOptions{},
+            tikhonov_fields, solve_tikhonov),
+      entry("map", "most probable field under a Gaussian smoothness prior, with its noise sigma",
+            MapOptions{}, map_fields, solve_map),
+      entry("fdk", "filtered back-projection for a level ring of many cameras (Feldkamp et al. 1984)",
+            FdkOptions{}, fdk_fields, solve_fdk, false),
       entry("ert",
             "evolutionary reconstruction: genetic operators at Metropolis-drawn voxels (Energies 12, 2019)",
             ErtOptions{}, ert_fields, solve_ert, false),

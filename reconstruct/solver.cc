@@ -29,6 +29,8 @@ std::string_view name_of(StopReason reason) {
       return "discrepancy";
     case StopReason::Stagnation:
       return "stagnation";
+    case StopReason::Converged:
+      return "converged";
   }
   return "unknown";
 }
@@ -265,6 +267,7 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   if (!solution.sigma.empty()) out.sigma = layout.unpack_volume(solution.sigma);
   for (float& s : out.sigma) s *= scale;
   out.notes = notes_about(projections, brightest);
+  out.notes.insert(out.notes.end(), solution.notes.begin(), solution.notes.end());
   out.solver = recipe.solver;
   out.iterations = solution.iterations;
   out.voxel_updates = solution.voxel_updates;

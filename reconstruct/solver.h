@@ -35,7 +35,16 @@ struct SolveControl {
   const Volume* start = nullptr;
 };
 
-enum class StopReason { Iterations, Residual, Fitness, TimeLimit, Cancelled, Discrepancy, Stagnation };
+enum class StopReason {
+  Iterations,
+  Residual,
+  Fitness,
+  TimeLimit,
+  Cancelled,
+  Discrepancy,
+  Stagnation,
+  Converged
+};
 std::string_view name_of(StopReason reason);
 
 struct HistoryPoint {
@@ -57,7 +66,7 @@ struct Reconstruction {
   std::string projector_engine;  // how A was applied, e.g. "stored 312 MiB"
   StopReason stop_reason = StopReason::Iterations;
   std::vector<HistoryPoint> history;
-  std::vector<std::string> notes;  // what the user should know about the input, e.g. saturated images
+  std::vector<std::string> notes;  // what the user should know: saturated images, a chosen weight
 };
 
 // Names for --solver, default first.

@@ -4,21 +4,22 @@
 
 #include "reconstruct/problem.h"
 #include "reconstruct/settings.h"
+#include "reconstruct/sweeps.h"
 
 namespace flamefield {
 
 // SIRT (Gilbert, J. Theor. Biol. 36, 1972), scaled by row and column sums R and C (Gregor and Benson, IEEE
-// Trans. Med. Imaging 27, 2008):  x <- P( x + relaxation C^-1 A^T R^-1 (b - A x) ),  P: non-negative.
-// With subsets of views it is the ordered-subset SART (Andersen and Kak, Ultrasonic Imaging 6, 1984).
+// Trans. Med. Imaging 27, 2008):  x <- P( x + relaxation C^-1 A^T R^-1 (b - A x) ),  P: the constraints.
+// One view at a time it is SART (Andersen and Kak, Ultrasonic Imaging 6, 1984), with groups of views OS-SART
+// (Wang and Jiang, J. X-Ray Sci. Technol. 12, 2004).
 struct SirtOptions {
-  int max_iterations = 100;
+  SweepOptions sweeps = {.max_iterations = 100, .smoothing = 0.02};
   double relaxation = 1.5;
-  double smoothing = 0.02;
-  int subsets = 1;
 };
-std::vector<SettingField> sirt_fields(SirtOptions& options);
+std::vector<SettingField> sirt_fields(SirtOptions& options);  // of SIRT and SART
 std::vector<SettingField> os_sart_fields(SirtOptions& options);
 
 Solution solve_sirt(const Problem& problem, const SirtOptions& options);
+Solution solve_sart(const Problem& problem, const SirtOptions& options);  // every view is a subset
 
 }  // namespace flamefield

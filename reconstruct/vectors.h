@@ -1,0 +1,18 @@
+#pragma once
+
+#include <span>
+
+#include "reconstruct/parallel.h"
+
+namespace flamefield {
+
+// Sums run over fixed blocks whose results are added in order: the same bits for any number of threads.
+double dot(Team& team, std::span<const float> a, std::span<const float> b);
+inline double squared_norm(Team& team, std::span<const float> a) {
+  return dot(team, a, a);
+}
+
+// y += factor x
+void add_scaled(Team& team, double factor, std::span<const float> x, std::span<float> y);
+
+}  // namespace flamefield
