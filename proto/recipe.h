@@ -16,7 +16,7 @@ using Setting = std::variant<bool, std::int64_t, double, std::string>;
 // Keys are "table.key", as in the TOML file and in --set; each stage knows its own tables and refuses
 // keys that it does not know, so a recipe is checked in full before any work starts.
 struct Recipe {
-  std::string solver = "osem";
+  std::string solver = "hessian";
   std::map<std::string, Setting, std::less<>> settings;
 
   bool operator==(const Recipe&) const = default;

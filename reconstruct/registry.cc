@@ -10,6 +10,7 @@
 #include "reconstruct/evolutionary/ert.h"
 #include "reconstruct/statistical/map.h"
 #include "reconstruct/statistical/mlem.h"
+#include "reconstruct/variational/variational.h"
 
 namespace flamefield {
 
@@ -46,6 +47,10 @@ Solver entry(std::string_view name, std::string_view summary, Options defaults,
 
 std::span<const Solver> solvers() {
   static const std::vector<Solver> list = {
+      entry("hessian", "non-negative least squares with a Hessian prior (Pock and Chambolle 2011)",
+            VariationalOptions{}, hessian_fields, solve_variational),
+      entry("tv", "non-negative least squares with total variation (Rudin, Osher and Fatemi 1992)",
+            VariationalOptions{.prior = VariationalOptions::Prior::Variation}, tv_fields, solve_variational),
       entry("osem", "MLEM with ordered subsets of views (Hudson and Larkin 1994)",
             SweepOptions{.max_iterations = 12, .subsets = 5, .smoothing = 0.3}, osem_fields, solve_mlem),
       entry("mlem", "maximum likelihood for Poisson data (Shepp and Vardi 1982), smoothed EM",

@@ -76,7 +76,8 @@ TEST_P(SolverTest, ScalesWithItsImages) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, SolverTest,
-                         testing::Values(Expected{"osem", 0.97}, Expected{"mlem", 0.97},
+                         testing::Values(Expected{"hessian", 0.975}, Expected{"tv", 0.975},
+                                         Expected{"osem", 0.97}, Expected{"mlem", 0.97},
                                          Expected{"sirt", 0.97}, Expected{"os-sart", 0.97}),
                          [](const auto& tested) {
                            return std::string(tested.param.solver == "os-sart" ? "os_sart"
