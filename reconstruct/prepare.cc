@@ -1,85 +1,27 @@
 #include "reconstruct/prepare.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <opencv2/imgproc.hpp>
+#include <numbers>
+#include <numeric>
+
+#include "proto/check.h"
+#include "reconstruct/sensor_crop.h"
+#include "reconstruct/virtual_camera.h"
 
 namespace flamefield {
 
-std::vector<SettingField> fields_of(PrepareOptions& o) {
-  return {{"binning", "px", 0, 64, "pixels merged per side; 0: a pixel about as wide as a voxel", &o.binning},
-          {"margin_px", "px", 0, 10000, "kept around the projected box", &o.margin_px},
-          {"hot_pixel_sigma", "", 0.1, 1e6, "robust deviations of a dark pixel that is repaired",
-           &o.hot_pixel_sigma},
-          {"counts_per_unit", "", 1e-30, 1e30, "grey levels per (field unit x mm)", &o.counts_per_unit},
-          {"clip_negative", "", 0, 1, "set negative pixels to zero", &o.clip_negative}};
-}
-
-Result<PrepareOptions> prepare_options(const Recipe& recipe) {
-  PrepareOptions options;
-  const auto fields = fields_of(options);
-  if (auto ok = read_settings("prepare", fields, recipe); !ok) return tl::unexpected(ok.error());
-  return options;
-}
-
-Result<CameraImages> mean_images(const std::vector<FrameSet>& sets) {
-  std::map<std::string, std::pair<std::vector<double>, int>> sums;
-  CameraImages out;
-  for (const FrameSet& set : sets)
-    for (const Frame& frame : set.frames) {
-      const auto image = grey_levels(frame);
-      if (!image) return tl::unexpected(image.error());
-      auto& [sum, count] = sums[frame.camera];
-      Image& mean = out[frame.camera];
-      if (count == 0) mean = Image(image->width_px, image->height_px);
-      if (image->width_px != mean.width_px || image->height_px != mean.height_px) {
-        return invalid_input(concat("camera ", frame.camera, ", pulse ", frame.pulse, ": ", image->width_px,
-                                    "x", image->height_px, " px"),
-                             concat("earlier frames had ", mean.width_px, "x", mean.height_px),
-                             "average one capture at a time");
-      }
-      sum.resize(image->pixels.size(), 0);
-      for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += image->pixels[i];
-      ++count;
-    }
-  for (auto& [camera, image] : out) {
-    const auto& [sum, count] = sums[camera];
-    for (std::size_t i = 0; i < sum.size(); ++i) image.pixels[i] = static_cast<float>(sum[i] / count);
-  }
-  return out;
-}
-
 namespace {
 
-struct Window {
-  int x0 = 0, y0 = 0;
-};
+constexpr int kBorder_px = 2;  // read around the used pixels, so that repairs and medians have neighbours
 
-// Bounding box in the image of points spread over the domain; the lens bends its edges.
-cv::Rect2d projected_box(const Camera& camera, const Grid& domain) {
-  constexpr int kPoints = 9;
-  const Eigen::Vector3d lower = domain.lower_mm(), size = domain.upper_mm() - lower;
-  double x0 = INFINITY, x1 = -INFINITY, y0 = INFINITY, y1 = -INFINITY;
-  for (int i = 0; i < kPoints * kPoints * kPoints; ++i) {
-    const Eigen::Vector3d f =
-        Eigen::Vector3d(i % kPoints, i / kPoints % kPoints, i / kPoints / kPoints) / (kPoints - 1);
-    const auto pixel = project(camera, lower + f.cwiseProduct(size));
-    if (!pixel) continue;
-    x0 = std::min(x0, pixel->x()), x1 = std::max(x1, pixel->x());
-    y0 = std::min(y0, pixel->y()), y1 = std::max(y1, pixel->y());
-  }
-  return {x0, y0, x1 - x0, y1 - y0};
-}
-
-// Pixels a voxel covers in the middle of the domain, mean over the cameras.
-int binning_for(const std::vector<Camera>& cameras, const Grid& domain) {
-  const Eigen::Vector3d centre = 0.5 * (domain.lower_mm() + domain.upper_mm());
-  double sum = 0;
-  for (const Camera& c : cameras) {
-    const double depth_mm = (c.camera_from_world * centre).z();
-    sum += depth_mm > 0 ? std::sqrt(c.fx_px * c.fy_px) * domain.spacing_mm.mean() / depth_mm : 1;
-  }
-  return std::max(1, static_cast<int>(std::lround(sum / static_cast<double>(cameras.size()))));
+// An exponent of all ones is NaN or infinity; integers are compared many at a time.
+bool is_finite(const std::vector<float>& values) {
+  constexpr std::uint32_t kExponent = 0x7f800000;
+  std::uint32_t largest = 0;
+  for (float v : values) largest = std::max(largest, std::bit_cast<std::uint32_t>(v) & kExponent);
+  return largest != kExponent;
 }
 
 Result<const Image*> image_of(const CameraImages& images, std::string_view what, const Camera& camera) {
@@ -96,99 +38,94 @@ Result<const Image*> image_of(const CameraImages& images, std::string_view what,
         concat("the rig says ", camera.image_width_px, "x", camera.image_height_px),
         "use the rig of this array, without cropping");
   }
-  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
-    if (std::isfinite(image.pixels[i])) continue;
-    const auto width = static_cast<std::size_t>(image.width_px);
-    return invalid_input(concat(what, " image of camera ", camera.name, ": ", image.pixels[i], " at row ",
-                                i / width, ", column ", i % width),
-                         "every value must be finite", "capture it again");
-  }
-  return &image;
+  if (is_finite(image.pixels)) return &image;
+  const auto bad = std::ranges::find_if(image.pixels, [](float v) { return !std::isfinite(v); });
+  const auto i = bad - image.pixels.begin();
+  return invalid_input(concat(what, " image of camera ", camera.name, ": ", *bad, " at row ",
+                              i / image.width_px, ", column ", i % image.width_px),
+                       "every value must be finite", "capture it again");
 }
 
-cv::Mat cut(const Image& image, const Window& window, cv::Size size) {
-  const cv::Mat whole(image.height_px, image.width_px, CV_32F, const_cast<float*>(image.pixels.data()));
-  return whole(cv::Rect({window.x0, window.y0}, size)).clone();
+// The same, or none when there are no images of this kind at all.
+Result<const Image*> reference_of(const MeanImages& images, std::string_view what, const Camera& camera) {
+  if (images.empty()) return nullptr;
+  return image_of(images.images, what, camera);
 }
 
-// Pixels whose dark level stands out from the median of their neighbourhood, against the robust spread
-// (1.4826 median absolute deviations, at least a quarter grey level) of all.
-cv::Mat hot_pixels(const cv::Mat& dark, double sigmas) {
-  cv::Mat median;
-  cv::medianBlur(dark, median, 5);
-  cv::Mat difference = dark - median;
-  std::vector<float> deviations(difference.begin<float>(), difference.end<float>());
-  for (float& d : deviations) d = std::abs(d);
-  const auto middle = deviations.begin() + static_cast<std::ptrdiff_t>(deviations.size() / 2);
-  std::nth_element(deviations.begin(), middle, deviations.end());
-  const double spread = std::max(1.4826 * static_cast<double>(*middle), 0.25);
-  return cv::abs(difference) > sigmas * spread;
-}
+struct Rectangle {
+  int x0 = 0, y0 = 0, cols = 0, rows = 0;
+  int area() const { return cols * rows; }
+};
 
-// Each marked pixel becomes the median of its unmarked neighbours.
-int repair(cv::Mat& image, const cv::Mat& marked) {
-  const cv::Mat before = image.clone();
-  int count = 0;
-  for (int y = 0; y < image.rows; ++y)
-    for (int x = 0; x < image.cols; ++x) {
-      if (!marked.at<std::uint8_t>(y, x)) continue;
-      ++count;
-      std::vector<float> near;
-      for (int j = std::max(y - 1, 0); j <= std::min(y + 1, image.rows - 1); ++j)
-        for (int i = std::max(x - 1, 0); i <= std::min(x + 1, image.cols - 1); ++i)
-          if (!marked.at<std::uint8_t>(j, i)) near.push_back(before.at<float>(j, i));
-      if (near.empty()) continue;
-      const auto middle = near.begin() + static_cast<std::ptrdiff_t>(near.size() / 2);
-      std::nth_element(near.begin(), middle, near.end());
-      image.at<float>(y, x) = *middle;
+// The largest rectangle of pixels that are wholly on the sensor (heights of columns of ones, row by row).
+Rectangle largest_inside(const AreaMap& map) {
+  Rectangle best;
+  std::vector<int> height(static_cast<std::size_t>(map.cols), 0);
+  for (int row = 0; row < map.rows; ++row) {
+    for (int col = 0; col < map.cols; ++col) {
+      int& h = height[static_cast<std::size_t>(col)];
+      h = map.is_inside[static_cast<std::size_t>(row * map.cols + col)] ? h + 1 : 0;
     }
-  return count;
-}
-
-// Response relative to its mean; where a twentieth of it or less is left, division would only raise noise.
-void divide_by_flat(cv::Mat& image, const cv::Mat& flat) {
-  const double mean = cv::mean(flat)[0];
-  if (!(mean > 0)) return;
-  cv::Mat response = flat / mean;
-  image.setTo(0, response <= 0.05);
-  image /= cv::max(response, 0.05);
-}
-
-// One size for all windows: the largest projected box with its margin, in whole merged pixels.
-cv::Size window_size(const std::vector<Camera>& cameras, const Grid& domain, double margin_px, int binning) {
-  int width = 0, height = 0, sensor_width = cameras.front().image_width_px,
-      sensor_height = cameras.front().image_height_px;
-  const auto whole = [&](double px) {
-    return static_cast<int>(std::ceil((px + 1 + 2 * margin_px) / binning)) * binning;
-  };
-  for (const Camera& camera : cameras) {
-    const cv::Rect2d box = projected_box(camera, domain);
-    width = std::max(width, whole(std::clamp(box.width, 0.0, 1e6)));
-    height = std::max(height, whole(std::clamp(box.height, 0.0, 1e6)));
-    sensor_width = std::min(sensor_width, camera.image_width_px);
-    sensor_height = std::min(sensor_height, camera.image_height_px);
+    for (int left = 0; left < map.cols; ++left) {
+      int lowest = map.rows;
+      for (int col = left; col < map.cols; ++col) {
+        lowest = std::min(lowest, height[static_cast<std::size_t>(col)]);
+        const Rectangle here{left, row - lowest + 1, col - left + 1, lowest};
+        if (here.area() > best.area()) best = here;
+      }
+    }
   }
-  return {std::min(width, sensor_width / binning * binning),
-          std::min(height, sensor_height / binning * binning)};
+  return best;
 }
 
-Window window_of(const Camera& camera, const Grid& domain, cv::Size size) {
-  const cv::Rect2d box = projected_box(camera, domain);
-  const auto first = [](double centre, int length, int sensor) {
-    const double start = std::isfinite(centre) ? std::round(centre - 0.5 * (length - 1)) : 0;
-    return static_cast<int>(std::clamp(start, 0.0, static_cast<double>(sensor - length)));
-  };
-  return {first(box.x + 0.5 * box.width, size.width, camera.image_width_px),
-          first(box.y + 0.5 * box.height, size.height, camera.image_height_px)};
+std::size_t pixels_within(const std::vector<std::uint32_t>& pixels, const Window& w, int sensor_width) {
+  return static_cast<std::size_t>(std::ranges::count_if(pixels, [&](std::uint32_t i) {
+    const int x = static_cast<int>(i) % sensor_width - w.x0, y = static_cast<int>(i) / sensor_width - w.y0;
+    return x >= 0 && y >= 0 && x < w.width && y < w.height;
+  }));
+}
+
+std::size_t total_saturated(const MeanImages& images) {
+  std::size_t sum = 0;
+  for (const auto& [camera, pixels] : images.saturated) sum += pixels.size();
+  return sum;
+}
+
+std::string saturation_line(const Projections& projections, const std::vector<std::size_t>& saturated) {
+  std::string list;
+  for (std::size_t v = 0; v < saturated.size(); ++v) {
+    if (saturated[v] == 0) continue;
+    list += concat(list.empty() ? "" : ", ", projections.view_names[v], " ", saturated[v]);
+  }
+  return list.empty() ? std::string("saturated pixels: none")
+                      : concat("saturated pixels, too dark in the result: ", list);
+}
+
+// Total emission is what every camera sees of the same flame: I summed over the pixel's area at the domain.
+std::string equalise(Projections& projections, const Rig& rig, const Grid& domain) {
+  const Eigen::Vector3d centre = 0.5 * (domain.lower_mm() + domain.upper_mm());
+  std::vector<double> totals;
+  for (std::size_t v = 0; v < projections.views(); ++v) {
+    const Camera& c = rig.cameras[v];
+    const double depth_mm = (c.camera_from_world * centre).z();
+    const auto view = projections.view(v);
+    totals.push_back(std::accumulate(view.begin(), view.end(), 0.0) * depth_mm * depth_mm / c.fx_px /
+                     c.fy_px);
+  }
+  const double mean = std::accumulate(totals.begin(), totals.end(), 0.0) / static_cast<double>(totals.size());
+  double low = INFINITY, high = 0;
+  for (std::size_t v = 0; v < projections.views(); ++v) {
+    if (!(totals[v] > 0 && mean > 0)) continue;
+    const double factor = mean / totals[v];
+    low = std::min(low, factor), high = std::max(high, factor);
+    for (float& p : projections.view(v)) p = static_cast<float>(p * factor);
+  }
+  return concat("views scaled to one total emission, by ", low, " to ", high);
 }
 
 }  // namespace
 
-Result<Prepared> prepare(const CameraImages& flame, const CameraImages& dark, const CameraImages& background,
-                         const CameraImages& flat, const Rig& rig, const Grid& domain,
-                         const PrepareOptions& options) {
-  if (auto ok = validate(rig); !ok) return tl::unexpected(ok.error());
-  if (auto ok = validate(domain); !ok) return tl::unexpected(ok.error());
+Result<Rig> rig_of_images(const Rig& rig, const CameraImages& flame) {
   if (flame.empty()) return invalid_input("no flame images", "nothing to prepare", "capture a burst first");
   for (const auto& [name, image] : flame) {
     if (!rig.find(name)) {
@@ -196,82 +133,192 @@ Result<Prepared> prepare(const CameraImages& flame, const CameraImages& dark, co
                            "calibrate it or leave its images out");
     }
   }
-  std::vector<Camera> cameras;
+  Rig out;
   for (const Camera& camera : rig.cameras)
-    if (flame.contains(camera.name)) cameras.push_back(camera);
+    if (flame.contains(camera.name)) out.cameras.push_back(camera);
+  return out;
+}
 
-  const int binning = options.binning > 0 ? options.binning : binning_for(cameras, domain);
-  const cv::Size size = window_size(cameras, domain, options.margin_px, binning);
-  if (size.width < binning || size.height < binning) {
-    return invalid_input(concat("binning of ", binning, " px"), "larger than the images",
-                         "set a smaller prepare.binning");
+Result<Preparer> Preparer::make(const Rig& rig, const References& references, const Grid& domain,
+                                const PrepareOptions& options, Team& team) {
+  if (auto ok = validate(rig); !ok) return tl::unexpected(ok.error());
+  if (auto ok = validate(domain); !ok) return tl::unexpected(ok.error());
+  struct Found {
+    const Image *dark, *background, *flat;
+  };
+  std::vector<Found> found;
+  for (const Camera& camera : rig.cameras) {
+    const auto dark = reference_of(references.dark, "dark", camera);
+    if (!dark) return tl::unexpected(dark.error());
+    const auto background = reference_of(references.background, "background", camera);
+    if (!background) return tl::unexpected(background.error());
+    const auto flat = reference_of(references.flat, "flat", camera);
+    if (!flat) return tl::unexpected(flat.error());
+    found.push_back({*dark, *background, *flat});
+  }
+  Preparer out;
+  out.options_ = options;
+  out.domain_ = domain;
+  const auto made =
+      options.level ? out.make_level(rig.cameras, domain, team) : out.make_crops(rig.cameras, domain);
+  if (!made) return tl::unexpected(made.error());
+  team.run(out.views_.size(), [&](std::size_t v) {
+    View& view = out.views_[v];
+    view.correction.emplace_back(view.map.window, found[v].dark, found[v].background, found[v].flat,
+                                 options.hot_pixel_sigma);
+  });
+  out.describe_references(references);
+  return out;
+}
+
+Result<> Preparer::make_level(const std::vector<Camera>& sensors, const Grid& domain, Team& team) {
+  const auto made = virtual_cameras(sensors, domain, options_.binning, options_.margin_px);
+  if (!made) return tl::unexpected(made.error());
+  views_.resize(sensors.size());
+  team.run(sensors.size(), [&](std::size_t v) {
+    views_[v] = {sensors[v], made->cameras[v], area_map(sensors[v], made->cameras[v], kBorder_px), {}};
+  });
+  if (auto ok = shrink_to_sensors(); !ok) return ok;
+  const AreaMap& map = views_.front().map;
+  geometry_.insert(geometry_.begin(),
+                   concat("resampled by area into level cameras: ", map.cols, "x", map.rows, " px of ",
+                          made->pixel_mm, " mm at the domain's centre (", made->sensor_px_per_pixel,
+                          " sensor pixels wide); distortion removed, turned by at most ",
+                          made->largest_turn_rad * 180 / std::numbers::pi, " deg; views: ", sensors.size()));
+  for (const std::string& name : made->not_level)
+    geometry_.push_back(concat("camera ", name, " looks too steeply to be levelled: only undistorted"));
+  return {};
+}
+
+Result<> Preparer::shrink_to_sensors() {
+  const int cols = views_.front().map.cols, rows = views_.front().map.rows;
+  int new_cols = cols, new_rows = rows;
+  std::vector<Rectangle> inside;
+  for (const View& view : views_) {
+    inside.push_back(largest_inside(view.map));
+    if (inside.back().area() == 0) {
+      return invalid_input(concat("camera ", view.sensor.name, " does not see the domain"),
+                           "not one pixel of its image of it is on the sensor",
+                           "check the rig and the domain, or leave this camera out");
+    }
+    new_cols = std::min(new_cols, inside.back().cols);
+    new_rows = std::min(new_rows, inside.back().rows);
+  }
+  if (new_cols == cols && new_rows == rows) return {};
+  std::string who;
+  for (std::size_t v = 0; v < views_.size(); ++v) {
+    View& view = views_[v];
+    const Rectangle& r = inside[v];
+    if (r.area() < cols * rows) who += concat(who.empty() ? "" : ", ", view.sensor.name);
+    const int x0 = std::clamp((cols - new_cols) / 2, r.x0, r.x0 + r.cols - new_cols);
+    const int y0 = std::clamp((rows - new_rows) / 2, r.y0, r.y0 + r.rows - new_rows);
+    view.map = cropped(view.map, x0, y0, new_cols, new_rows);
+    view.camera = cropped_and_binned(view.camera, x0, y0, new_cols, new_rows, 1);
+  }
+  geometry_.push_back(concat("all views cut from ", cols, "x", rows, " to ", new_cols, "x", new_rows,
+                             " px: the domain leaves the sensors of ", who));
+  return {};
+}
+
+Result<> Preparer::make_crops(const std::vector<Camera>& sensors, const Grid& domain) {
+  const auto crops = sensor_crops(sensors, domain, options_.binning, options_.margin_px);
+  if (!crops) return tl::unexpected(crops.error());
+  for (std::size_t v = 0; v < sensors.size(); ++v)
+    views_.push_back({sensors[v], crops->cameras[v], block_map(crops->windows[v], crops->binning), {}});
+  const AreaMap& map = views_.front().map;
+  geometry_.push_back(concat("cut to ", map.window.width, "x", map.window.height,
+                             " px around the domain, margin ", options_.margin_px,
+                             " px; views: ", sensors.size()));
+  geometry_.push_back(
+      concat("merged ", crops->binning, "x", crops->binning, " px by area to ", map.cols, "x", map.rows));
+  return {};
+}
+
+void Preparer::describe_references(const References& references) {
+  const auto mean_of = [](const MeanImages& images) {
+    return images.sets > 0 ? concat(", mean of ", images.sets) : std::string();
+  };
+  if (!references.background.empty()) {
+    corrections_.push_back(
+        concat("background subtracted (it contains the dark level)", mean_of(references.background)));
+  } else if (!references.dark.empty()) {
+    corrections_.push_back(concat("dark subtracted", mean_of(references.dark)));
+  }
+  if (!references.flat.empty()) {
+    corrections_.push_back(concat("divided by the flat field", mean_of(references.flat),
+                                  ", its mean over the used window set to 1"));
+    if (const std::size_t n = total_saturated(references.flat); n > 0)
+      corrections_.push_back(concat("saturated pixels in the flat field: ", n, "; expose it shorter"));
+  }
+  if (references.dark.empty()) return;
+  std::size_t hot = 0;
+  for (const View& view : views_) hot += view.correction.front().hot_pixels();
+  corrections_.push_back(concat("hot pixels: ", hot, " repaired (dark level beyond ",
+                                options_.hot_pixel_sigma, " robust deviations), median of their neighbours"));
+}
+
+Image Preparer::corrected(std::size_t view, const Image& raw) const {
+  const Window& window = views_.at(view).map.window;
+  Image out(window.width, window.height);
+  out.pixels = views_.at(view).correction.front().apply(raw);
+  return out;
+}
+
+Result<Prepared> Preparer::operator()(const MeanImages& flame, Team& team) const {
+  std::vector<const Image*> raw;
+  for (const View& view : views_) {
+    const auto image = image_of(flame.images, "flame", view.sensor);
+    if (!image) return tl::unexpected(image.error());
+    raw.push_back(*image);
   }
   Prepared out;
-  out.projections.rows = size.height / binning;
-  out.projections.cols = size.width / binning;
-  int repaired = 0, clipped = 0;
-  for (const Camera& camera : cameras) {
-    const Window window = window_of(camera, domain, size);
-    const auto cut_of = [&](const CameraImages& images, std::string_view what) -> Result<cv::Mat> {
-      const auto image = image_of(images, what, camera);
-      if (!image) return tl::unexpected(image.error());
-      return cut(**image, window, size);
-    };
-    auto signal = cut_of(flame, "flame");
-    if (!signal) return tl::unexpected(signal.error());
-    cv::Mat dark_level = cv::Mat::zeros(size, CV_32F), marked;
-    if (!dark.empty()) {
-      auto image = cut_of(dark, "dark");
-      if (!image) return tl::unexpected(image.error());
-      dark_level = *image;
-      marked = hot_pixels(dark_level, options.hot_pixel_sigma);
-    }
-    cv::Mat offset = dark_level;  // a background picture contains the dark level
-    if (!background.empty()) {
-      auto image = cut_of(background, "background");
-      if (!image) return tl::unexpected(image.error());
-      offset = *image;
-    }
-    *signal -= offset;
-    if (!flat.empty()) {
-      auto image = cut_of(flat, "flat");
-      if (!image) return tl::unexpected(image.error());
-      divide_by_flat(*signal, *image - dark_level);
-    }
-    if (!marked.empty()) repaired += repair(*signal, marked);
-    cv::Mat merged;
-    cv::resize(*signal, merged, {size.width / binning, size.height / binning}, 0, 0, cv::INTER_AREA);
-    merged /= options.counts_per_unit;
-    if (options.clip_negative) {
-      clipped += cv::countNonZero(merged < 0);
-      merged = cv::max(merged, 0);
-    }
-    out.projections.view_names.push_back(camera.name);
-    out.projections.values.insert(out.projections.values.end(), merged.begin<float>(), merged.end<float>());
-    out.rig.cameras.push_back(
-        cropped_and_binned(camera, window.x0, window.y0, size.width, size.height, binning));
+  Projections& projections = out.projections;
+  projections.rows = views_.front().map.rows;
+  projections.cols = views_.front().map.cols;
+  projections.values.resize(views_.size() * projections.pixels_per_view());
+  for (const View& view : views_) {
+    projections.view_names.push_back(view.camera.name);
+    out.rig.cameras.push_back(view.camera);
   }
-  if (!background.empty()) {
-    out.provenance.push_back("background subtracted (it contains the dark level)");
-  } else if (!dark.empty()) {
-    out.provenance.push_back("dark subtracted");
-  }
-  if (!flat.empty()) out.provenance.push_back("divided by the flat field, its mean set to 1");
-  if (!dark.empty()) {
-    out.provenance.push_back(concat("hot pixels: ", repaired, " repaired (dark level beyond ",
-                                    options.hot_pixel_sigma,
-                                    " robust deviations), median of their neighbours"));
-  }
-  out.provenance.push_back(concat("cut to ", size.width, "x", size.height, " px around the domain, margin ",
-                                  options.margin_px, " px; views: ", cameras.size(), " of ",
-                                  rig.cameras.size()));
-  out.provenance.push_back(concat("merged ", binning, "x", binning, " px by area to ", out.projections.cols,
-                                  "x", out.projections.rows));
+  std::vector<std::ptrdiff_t> clipped(views_.size());
+  out.saturated.resize(views_.size());
+  const auto scale = static_cast<float>(1 / options_.counts_per_unit);
+  team.run(views_.size(), [&](std::size_t v) {
+    const View& view = views_[v];
+    const Image image = view.map.apply(view.correction.front().apply(*raw[v]));
+    std::ranges::transform(image.pixels, projections.view(v).begin(), [&](float p) { return p * scale; });
+    if (options_.clip_negative) {
+      clipped[v] = std::ranges::count_if(projections.view(v), [](float p) { return p < 0; });
+      for (float& p : projections.view(v)) p = std::max(p, 0.0f);
+    }
+    const auto full = flame.saturated.find(view.sensor.name);
+    if (full != flame.saturated.end())
+      out.saturated[v] = pixels_within(full->second, view.map.window, view.sensor.image_width_px);
+  });
+  if (flame.sets > 0) out.provenance.push_back(concat("flame images: mean of ", flame.sets, " frame sets"));
+  out.provenance.push_back(saturation_line(projections, out.saturated));
+  out.provenance.insert(out.provenance.end(), corrections_.begin(), corrections_.end());
+  out.provenance.insert(out.provenance.end(), geometry_.begin(), geometry_.end());
   out.provenance.push_back(
-      concat("divided by ", options.counts_per_unit, " grey levels per (field unit x mm)"));
-  if (options.clip_negative)
-    out.provenance.push_back(concat("negative values set to zero: ", clipped, " pixels"));
+      concat("divided by ", options_.counts_per_unit, " grey levels per (field unit x mm)"));
+  if (options_.clip_negative) {
+    out.provenance.push_back(concat(
+        "negative values set to zero: ", std::accumulate(clipped.begin(), clipped.end(), std::ptrdiff_t{0}),
+        " pixels"));
+  }
+  if (options_.equal_views) out.provenance.push_back(equalise(projections, out.rig, domain_));
   return out;
+}
+
+Result<Prepared> prepare(const MeanImages& flame, const References& references, const Rig& rig,
+                         const Grid& domain, const PrepareOptions& options) {
+  if (auto ok = validate(rig); !ok) return tl::unexpected(ok.error());
+  const auto cameras = rig_of_images(rig, flame.images);
+  if (!cameras) return tl::unexpected(cameras.error());
+  Team team;
+  const auto preparer = Preparer::make(*cameras, references, domain, options, team);
+  if (!preparer) return tl::unexpected(preparer.error());
+  return (*preparer)(flame, team);
 }
 
 }  // namespace flamefield

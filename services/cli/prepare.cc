@@ -21,24 +21,28 @@ struct Options {
   DomainOptions domain;
 };
 
-// Mean image of each camera over the sets of one kind; empty when the file has none.
-CameraImages mean_of(const std::vector<FrameSet>& sets, CaptureKind kind, const std::filesystem::path& path) {
+std::vector<FrameSet> sets_of(const std::vector<FrameSet>& sets, CaptureKind kind) {
   std::vector<FrameSet> chosen;
   for (const FrameSet& set : sets)
     if (set.kind == kind) chosen.push_back(set);
-  if (chosen.empty()) return {};
-  return or_fail_about(path, mean_images(chosen));
+  return chosen;
 }
 
-CameraImages flame_of(const std::vector<FrameSet>& sets, const std::filesystem::path& path) {
-  CameraImages flame = mean_of(sets, CaptureKind::Burst, path);
-  if (flame.empty()) flame = mean_of(sets, CaptureKind::Live, path);
+// Empty when the file has no sets of this kind.
+MeanImages mean_of(const std::vector<FrameSet>& sets, CaptureKind kind, const std::filesystem::path& path) {
+  return or_fail_about(path, mean_images(sets_of(sets, kind)));
+}
+
+MeanImages flame_of(const std::vector<FrameSet>& sets, const PhaseLock& phase,
+                    const std::filesystem::path& path) {
+  std::vector<FrameSet> flame = sets_of(sets, CaptureKind::Burst);
+  if (flame.empty()) flame = sets_of(sets, CaptureKind::Live);
   if (flame.empty()) {
     throw CommandFailure{ExitCode::Failed, concat("'", path.string(),
                                                   "' has no frames of a flame (neither burst nor "
                                                   "live sets are in it) record a burst")};
   }
-  return flame;
+  return or_fail_about(path, mean_images(or_fail_about(path, phase_locked(flame, phase))));
 }
 
 void run(const Options& options, const Session& session) {
@@ -53,10 +57,15 @@ void run(const Options& options, const Session& session) {
   const std::vector<FrameSet> sets = or_fail(read_frames(options.frames));
   session.check_stop();
   const auto mean = [&](CaptureKind kind) { return mean_of(sets, kind, options.frames); };
-  const Prepared prepared =
-      or_fail_about(options.frames,
-                    prepare(flame_of(sets, options.frames), mean(CaptureKind::Dark),
-                            mean(CaptureKind::Background), mean(CaptureKind::Flat), rig, domain, prepare_as));
+  const MeanImages flame = flame_of(sets, prepare_as.phase, options.frames);
+  const References references{mean(CaptureKind::Dark), mean(CaptureKind::Background),
+                              mean(CaptureKind::Flat)};
+  session.check_stop();
+  const Rig cameras = or_fail_about(options.frames, rig_of_images(rig, flame.images));
+  Team team;
+  const Preparer preparer =
+      or_fail_about(options.frames, Preparer::make(cameras, references, domain, prepare_as, team));
+  const Prepared prepared = or_fail_about(options.frames, preparer(flame, team));
   session.check_stop();
   Provenance provenance = {{"program", concat("flamefield ", program_version())},
                            {"frames", options.frames.filename().string()},
@@ -84,12 +93,15 @@ void add_prepare(CLI::App& app, Session& session) {
   add_domain(*command, options->domain, false);
   command->add_option("--out", options->out, "Projections to write: .nxs .npy .tif")->required();
   command->add_option("--rig-out", options->rig_out,
-                      "The cameras as cropped and binned. Default: beside OUT, as NAME-rig.yaml");
+                      "The level cameras of the projections. Default: beside OUT, as NAME-rig.yaml");
   command->footer(
-      "The domain (default 52,55,52 voxels of 1 mm) says what is cut out and how far pixels are merged.\n"
+      "The domain (default 52,55,52 voxels of 1 mm) says what is cut out and how wide a pixel becomes: about "
+      "a "
+      "voxel.\nImages are averaged over the burst, or over one phase of it: --set prepare.every=4, or --set "
+      "prepare.phase_hz=120 --set prepare.phase_bin=2.\n"
       "Example:\n  flamefield prepare run.nxs --rig rig.yaml --recipe prepare.toml --out projections.nxs "
       "--rig-out "
-      "cropped.yaml");
+      "level.yaml");
   command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
 }
 

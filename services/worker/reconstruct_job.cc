@@ -52,10 +52,6 @@ class Shelf {
   std::deque<std::pair<std::string, Value>> entries_;
 };
 
-struct References {
-  CameraImages dark, background, flat;
-};
-
 std::string projector_key(const Rig& rig, const Grid& grid, const ProjectorOptions& options) {
   Processing only_grid;
   only_grid.grid = grid;
@@ -87,22 +83,29 @@ class ReconstructJob {
   Result<Run> operator()(const JobContext& context);
 
  private:
-  Result<CameraImages> reference(const JobContext& context, std::span<const SetId> sets);
+  Result<MeanImages> reference(const JobContext& context, std::span<const SetId> sets);
+  Result<std::shared_ptr<const Preparer>> preparer(const JobContext& context, const CameraImages& flame,
+                                                   const PrepareOptions& options);
   Result<Prepared> prepare_inputs(const JobContext& context, Run& run, Lap& lap);
   Result<Reconstruction> solve(const JobContext& context, const Prepared& prepared);
   Result<> write_files(const JobContext& context, Run& run, const Prepared& prepared, const Volume& volume);
 
   ReconstructJobOptions options_;
   Team team_;
-  Shelf<CameraImages> references_;
+  Shelf<MeanImages> references_;
+  Shelf<std::shared_ptr<const Preparer>> preparers_;
   Shelf<std::shared_ptr<const Projector>> projectors_;
 };
 
 // Named by its sets: a capture that has grown is averaged anew.
-Result<CameraImages> ReconstructJob::reference(const JobContext& context, std::span<const SetId> sets) {
-  if (sets.empty()) return CameraImages();
-  const std::string key = concat(sets[0].capture, ' ', sets.size());
-  if (const CameraImages* known = references_.find(key)) return *known;
+std::string reference_key(std::span<const SetId> sets) {
+  return sets.empty() ? "none" : concat(sets[0].capture, ' ', sets.size());
+}
+
+Result<MeanImages> ReconstructJob::reference(const JobContext& context, std::span<const SetId> sets) {
+  if (sets.empty()) return MeanImages();
+  const std::string key = reference_key(sets);
+  if (const MeanImages* known = references_.find(key)) return *known;
   auto fetched = context.fetch(sets);
   if (!fetched) return tl::unexpected(fetched.error());
   auto images = mean_images(*fetched);
@@ -110,24 +113,43 @@ Result<CameraImages> ReconstructJob::reference(const JobContext& context, std::s
   return references_.put(key, std::move(*images), 6);
 }
 
-Result<Prepared> ReconstructJob::prepare_inputs(const JobContext& context, Run& run, Lap& lap) {
+// The maps from sensors to level cameras, and what references say, hold for a whole burst.
+Result<std::shared_ptr<const Preparer>> ReconstructJob::preparer(const JobContext& context,
+                                                                 const CameraImages& flame,
+                                                                 const PrepareOptions& options) {
   const Job& job = context.lease.job;
-  const auto options = prepare_options(job.processing.recipe);
-  if (!options) return tl::unexpected(options.error());
+  const auto rig = rig_of_images(context.lease.rig, flame);
+  if (!rig) return tl::unexpected(rig.error());
+  const std::string key =
+      concat(fingerprint(*rig), ' ', recipe_fingerprint(job.processing), ' ', reference_key(job.dark), ' ',
+             reference_key(job.background), ' ', reference_key(job.flat));
+  if (const auto* known = preparers_.find(key)) return *known;
   const auto dark = reference(context, job.dark);
   if (!dark) return tl::unexpected(dark.error());
   const auto background = reference(context, job.background);
   if (!background) return tl::unexpected(background.error());
   const auto flat = reference(context, job.flat);
   if (!flat) return tl::unexpected(flat.error());
-  const auto sets = context.fetch(job.inputs);
+  auto made = Preparer::make(*rig, {*dark, *background, *flat}, job.processing.grid, options, team_);
+  if (!made) return tl::unexpected(made.error());
+  return preparers_.put(key, std::make_shared<const Preparer>(std::move(*made)), 4);
+}
+
+Result<Prepared> ReconstructJob::prepare_inputs(const JobContext& context, Run& run, Lap& lap) {
+  const Job& job = context.lease.job;
+  const auto options = prepare_options(job.processing.recipe);
+  if (!options) return tl::unexpected(options.error());
+  auto sets = context.fetch(job.inputs);
+  if (!sets) return tl::unexpected(sets.error());
+  if (sets->size() > 1) sets = phase_locked(*sets, options->phase);
   if (!sets) return tl::unexpected(sets.error());
   run.timings.fetch_s = lap();
   context.progress({.token = 0, .run_id = {}, .stage = "prepare"});
   const auto flame = mean_images(*sets);
   if (!flame) return tl::unexpected(flame.error());
-  auto prepared =
-      prepare(*flame, *dark, *background, *flat, context.lease.rig, job.processing.grid, *options);
+  const auto ready = preparer(context, flame->images, *options);
+  if (!ready) return tl::unexpected(ready.error());
+  auto prepared = (**ready)(*flame, team_);
   run.timings.prepare_s = lap();
   return prepared;
 }

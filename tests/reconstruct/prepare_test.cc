@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <span>
 
 #include "reconstruct/phantom/phantom.h"
 #include "reconstruct/render.h"
@@ -45,85 +46,106 @@ struct Bench {
         }
     }
   }
+
+  References references() const { return {{dark}, {background}, {flat}}; }
+  Result<Prepared> prepared(const PrepareOptions& options) const {
+    return prepare({flame}, references(), rig, grid, options);
+  }
 };
+
+// |a - gain b| / |gain b| with the best gain. A flat field is relative to its mean over the used window, so
+// one factor per view is free.
+struct Agreement {
+  double gain = 0, error = 0;
+};
+Agreement agreement(std::span<const float> a, std::span<const float> b) {
+  double ab = 0, bb = 0, error = 0;
+  for (std::size_t i = 0; i < b.size(); ++i) {
+    ab += a[i] * b[i];
+    bb += std::pow(b[i], 2);
+  }
+  const double gain = ab / bb;
+  for (std::size_t i = 0; i < b.size(); ++i) error += std::pow(a[i] - gain * b[i], 2);
+  return {gain, std::sqrt(error / bb) / gain};
+}
 
 TEST(Prepare, RecoversTheProjectionsBehindSensorImages) {
   const Bench bench;
-  const auto out = prepare(bench.flame, bench.dark, bench.background, bench.flat, bench.rig, bench.grid,
-                           {.counts_per_unit = kCounts});
-  ASSERT_TRUE(out.has_value()) << out.error().message;
-  const auto expected = render(make_phantom({.kind = PhantomKind::Gaussian}, bench.grid), out->rig,
-                               {.step_voxels = 0.25, .pixel_samples = 4});
-  ASSERT_TRUE(expected.has_value());
-  ASSERT_EQ(expected->values.size(), out->projections.values.size());
-  EXPECT_EQ(out->projections.view_names, expected->view_names);
-  // The flat field is relative to its mean over the window, so one factor per view is free.
-  for (std::size_t v = 0; v < 3; ++v) {
-    double ab = 0, bb = 0, error = 0;
-    for (std::size_t i = 0; i < expected->pixels_per_view(); ++i) {
-      ab += out->projections.view(v)[i] * expected->view(v)[i];
-      bb += std::pow(expected->view(v)[i], 2);
+  for (bool level : {true, false}) {
+    const auto out = bench.prepared({.level = level, .counts_per_unit = kCounts});
+    ASSERT_TRUE(out.has_value()) << out.error().message;
+    const auto expected = render(make_phantom({.kind = PhantomKind::Gaussian}, bench.grid), out->rig,
+                                 {.step_voxels = 0.25, .pixel_samples = 4});
+    ASSERT_TRUE(expected.has_value());
+    ASSERT_EQ(expected->values.size(), out->projections.values.size());
+    EXPECT_EQ(out->projections.view_names, expected->view_names);
+    for (std::size_t v = 0; v < 3; ++v) {
+      const Agreement found = agreement(out->projections.view(v), expected->view(v));
+      EXPECT_NEAR(found.gain, 0.95, 0.06);
+      EXPECT_LT(found.error, 0.02) << "level " << level;
     }
-    const double gain = ab / bb;
-    EXPECT_NEAR(gain, 0.95, 0.06);
-    for (std::size_t i = 0; i < expected->pixels_per_view(); ++i) {
-      error += std::pow(out->projections.view(v)[i] - gain * expected->view(v)[i], 2);
-    }
-    EXPECT_LT(std::sqrt(error / bb), 0.02);
   }
 }
 
 TEST(Prepare, APixelIsAboutAVoxelWideAndTheDomainIsInside) {
   const Bench bench;
-  const auto out = prepare(bench.flame, {}, {}, {}, bench.rig, bench.grid, {});
-  ASSERT_TRUE(out.has_value());
-  for (const Camera& c : out->rig.cameras) {
-    const double width = c.fx_px * 2 / 400;
-    EXPECT_GT(width, 0.6);
-    EXPECT_LT(width, 1.6);
-    for (int corner = 0; corner < 8; ++corner) {
-      const Eigen::Vector3d at(corner & 1 ? 20 : -20, corner & 2 ? 22 : -22, corner & 4 ? 20 : -20);
-      const auto pixel = project(c, at);
-      EXPECT_GT(pixel->x(), -0.5);
-      EXPECT_GT(pixel->y(), -0.5);
-      EXPECT_LT(pixel->x(), c.image_width_px - 0.5);
-      EXPECT_LT(pixel->y(), c.image_height_px - 0.5);
+  for (bool level : {true, false}) {
+    const auto out = prepare({bench.flame}, {}, bench.rig, bench.grid, {.level = level});
+    ASSERT_TRUE(out.has_value());
+    for (const Camera& c : out->rig.cameras) {
+      const double width = c.fx_px * 2 / 400;
+      EXPECT_GT(width, 0.6);
+      EXPECT_LT(width, 1.6);
+      for (int corner = 0; corner < 8; ++corner) {
+        const Eigen::Vector3d at(corner & 1 ? 20 : -20, corner & 2 ? 22 : -22, corner & 4 ? 20 : -20);
+        const auto pixel = project(c, at);
+        EXPECT_GT(pixel->x(), -0.5);
+        EXPECT_GT(pixel->y(), -0.5);
+        EXPECT_LT(pixel->x(), c.image_width_px - 0.5);
+        EXPECT_LT(pixel->y(), c.image_height_px - 0.5);
+      }
     }
   }
 }
 
-TEST(Prepare, BinningAveragesAndKeepsTheLevel) {
+TEST(Prepare, AveragingKeepsTheLevel) {
   const Bench bench;
   CameraImages uniform;
   for (const Camera& c : bench.rig.cameras) uniform[c.name] = Image(220, 160, 42);
-  const auto out = prepare(uniform, {}, {}, {}, bench.rig, bench.grid, {.binning = 3, .counts_per_unit = 2});
-  ASSERT_TRUE(out.has_value());
-  for (float v : out->projections.values) EXPECT_NEAR(v, 21, 1e-4);
+  for (bool level : {true, false}) {
+    const auto out =
+        prepare({uniform}, {}, bench.rig, bench.grid, {.level = level, .binning = 3, .counts_per_unit = 2});
+    ASSERT_TRUE(out.has_value());
+    for (float v : out->projections.values) EXPECT_NEAR(v, 21, 1e-4);
+  }
 }
 
 TEST(Prepare, EveryStepIsInTheProvenance) {
   const Bench bench;
-  const auto out = prepare(bench.flame, bench.dark, bench.background, bench.flat, bench.rig, bench.grid, {});
-  ASSERT_TRUE(out.has_value());
-  EXPECT_EQ(out->provenance.size(), 7u);
-  std::string all;
-  for (const std::string& line : out->provenance) all += line + "\n";
-  for (const char* word : {"background", "flat", "hot pixels", "cut to", "merged", "negative"}) {
-    EXPECT_NE(all.find(word), std::string::npos) << all;
+  for (bool level : {true, false}) {
+    const auto out = bench.prepared({.level = level, .equal_views = true});
+    ASSERT_TRUE(out.has_value());
+    std::string all;
+    for (const std::string& line : out->provenance) all += line + "\n";
+    for (const char* word :
+         {"saturated", "background", "flat", "hot pixels", level ? "level cameras" : "cut to",
+          level ? "sensor pixels wide" : "merged", "grey levels", "negative", "total"}) {
+      EXPECT_NE(all.find(word), std::string::npos) << word << " in " << all;
+    }
   }
 }
 
 TEST(Prepare, CamerasWithoutImagesAreLeftOut) {
   Bench bench;
   bench.flame.erase("cam01");
-  const auto out = prepare(bench.flame, bench.dark, {}, {}, bench.rig, bench.grid, {});
+  const auto out = prepare({bench.flame}, {.dark = {bench.dark}}, bench.rig, bench.grid, {});
   ASSERT_TRUE(out.has_value());
   EXPECT_EQ(out->projections.view_names, (std::vector<std::string>{"cam00", "cam02"}));
 }
 
 TEST(Prepare, WrongImagesAreRefusedByName) {
   const auto message = [](const Bench& b) {
-    const auto out = prepare(b.flame, b.dark, {}, {}, b.rig, b.grid, {});
+    const auto out = prepare({b.flame}, {.dark = {b.dark}}, b.rig, b.grid, {});
     return out ? std::string("accepted") : out.error().message;
   };
   Bench stranger;
@@ -140,21 +162,26 @@ TEST(Prepare, WrongImagesAreRefusedByName) {
   EXPECT_NE(message(lacking).find("no dark image of camera cam00"), std::string::npos);
 }
 
-TEST(MeanImages, AverageTheFramesOfEachCamera) {
-  std::vector<FrameSet> sets(2);
-  for (int i = 0; i < 2; ++i) {
-    const std::vector<std::byte> bytes(6, static_cast<std::byte>(10 + 5 * i));
-    sets[static_cast<std::size_t>(i)].frames.push_back(
-        {.camera = "a",
-         .width_px = 3,
-         .height_px = 2,
-         .bytes = std::make_shared<const std::vector<std::byte>>(bytes)});
-  }
-  const auto means = mean_images(sets);
-  ASSERT_TRUE(means.has_value());
-  EXPECT_EQ(means->at("a").pixels, std::vector<float>(6, 12.5f));
-  sets[1].frames[0].width_px = 4;
-  EXPECT_FALSE(mean_images(sets).has_value());
+TEST(Prepare, SaturatedPixelsAreCountedWhereTheyAreUsed) {
+  const Bench bench;
+  MeanImages flame{bench.flame};
+  flame.saturated["cam01"] = {0, 80 * 220 + 110, 80 * 220 + 111};  // a far corner and the middle
+  const auto out = prepare(flame, {}, bench.rig, bench.grid, {});
+  ASSERT_TRUE(out.has_value());
+  EXPECT_EQ(out->saturated, (std::vector<std::size_t>{0, 2, 0}));
+  EXPECT_NE(out->provenance[0].find("cam01 2"), std::string::npos) << out->provenance[0];
+}
+
+TEST(Prepare, EqualViewsUndoTheGainsOfCameras) {
+  Bench bench;
+  const auto before = prepare({bench.flame}, {}, bench.rig, bench.grid, {.equal_views = true});
+  for (float& p : bench.flame["cam01"].pixels) p *= 3;
+  const auto after = prepare({bench.flame}, {}, bench.rig, bench.grid, {.equal_views = true});
+  ASSERT_TRUE(before && after);
+  const Agreement tripled = agreement(after->projections.view(1), before->projections.view(1));
+  const Agreement other = agreement(after->projections.view(0), before->projections.view(0));
+  EXPECT_LT(tripled.error, 1e-5);
+  EXPECT_NEAR(tripled.gain, other.gain, 1e-4);
 }
 
 }  // namespace
