@@ -42,6 +42,7 @@ Result<MeanImages> mean_images(const std::vector<FrameSet>& sets) {
     for (const Frame& frame : set.frames) {
       auto image = grey_levels(frame);
       if (!image) return tl::unexpected(image.error());
+      out.full_scale = std::max(out.full_scale, static_cast<double>(full_scale(frame.format)));
       Sum& sum = sums[frame.camera];
       Image& mean = out.images[frame.camera];
       if (sum.count > 0 && (image->width_px != mean.width_px || image->height_px != mean.height_px)) {

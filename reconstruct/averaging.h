@@ -19,6 +19,7 @@ struct MeanImages {
   CameraImages images;
   std::map<std::string, std::vector<std::uint32_t>> saturated = {};
   std::size_t sets = 0;
+  double full_scale = 0;  // grey level of a saturated pixel; the largest where formats differ
 
   bool empty() const { return images.empty(); }
 };

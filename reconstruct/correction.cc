@@ -73,6 +73,16 @@ void SensorCorrection::find_hot_pixels(const Image& dark, double hot_sigma) {
     }
 }
 
+std::size_t SensorCorrection::count_used(std::span<const std::uint32_t> pixels, int sensor_width_px) const {
+  return static_cast<std::size_t>(std::ranges::count_if(pixels, [&](std::uint32_t i) {
+    const int x = static_cast<int>(i) % sensor_width_px - window_.x0,
+              y = static_cast<int>(i) / sensor_width_px - window_.y0;
+    if (x < 0 || y < 0 || x >= window_.width || y >= window_.height) return false;
+    return !std::ranges::binary_search(hot_, static_cast<std::uint32_t>(y * window_.width + x), {},
+                                       &HotPixel::index);
+  }));
+}
+
 std::vector<float> SensorCorrection::apply(const Image& raw) const {
   std::vector<float> out = cut(raw, window_);
   if (!offset_.empty())

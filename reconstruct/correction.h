@@ -22,6 +22,8 @@ class SensorCorrection {
 
   std::vector<float> apply(const Image& raw) const;  // (window.height, window.width)
   std::size_t hot_pixels() const { return hot_.size(); }
+  // How many of these pixels, indices into the whole sensor's image, are in the window and not repaired.
+  std::size_t count_used(std::span<const std::uint32_t> pixels, int sensor_width_px) const;
 
  private:
   struct HotPixel {
@@ -32,7 +34,7 @@ class SensorCorrection {
 
   Window window_;
   std::vector<float> offset_, gain_;  // empty: 0, 1
-  std::vector<HotPixel> hot_;
+  std::vector<HotPixel> hot_;         // by index
 };
 
 }  // namespace flamefield

@@ -10,6 +10,8 @@ namespace flamefield {
 
 namespace {
 
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
 // Sums from which all pixel-wise measures follow. R: reconstruction, P: truth.
 struct Sums {
   double n = 0, r = 0, p = 0, rr = 0, pp = 0, rp = 0, distance = 0, size = 0;
@@ -31,12 +33,10 @@ struct Sums {
   double pearson() const {
     const double vr = rr - r * r / n, vp = pp - p * p / n;
     // A constant slice leaves rounding noise instead of zero.
-    if (!(vr > 1e-12 * rr) || !(vp > 1e-12 * pp)) return std::numeric_limits<double>::quiet_NaN();
+    if (!(vr > 1e-12 * rr) || !(vp > 1e-12 * pp)) return kNone;
     return std::clamp((rp - r * p / n) / std::sqrt(vr * vp), -1.0, 1.0);
   }
-  double sqmd() const {
-    return size > 0 ? (distance / size) * (distance / size) : std::numeric_limits<double>::quiet_NaN();
-  }
+  double sqmd() const { return size > 0 ? (distance / size) * (distance / size) : kNone; }
 };
 
 // Wang et al. 2004 with uniform windows and sample covariances, K1 = 0.01, K2 = 0.03.
@@ -59,6 +59,16 @@ double ssim_of_slice(const Volume& truth, const Volume& reconstruction, int y, d
   return sum / windows;
 }
 
+Result<> check_finite(const Volume& volume) {
+  const auto bad = std::ranges::find_if_not(volume.values, [](float v) { return std::isfinite(v); });
+  if (bad == volume.values.end()) return {};
+  const std::ptrdiff_t i = bad - volume.values.begin();
+  const Grid& g = volume.grid;
+  return invalid_input(
+      concat("voxel x=", i % g.nx, ", y=", i / g.nx % g.ny, ", z=", i / g.nx / g.ny, " is ", *bad),
+      "no measure is defined with it", "reconstruct again, or repair the volume");
+}
+
 }  // namespace
 
 Result<FieldMetrics> compare(const Volume& truth, const Volume& reconstruction) {
@@ -76,6 +86,8 @@ Result<FieldMetrics> compare(const Volume& truth, const Volume& reconstruction) 
                                 g.voxels(), " voxels"),
                          "every voxel needs one", "read the volumes again");
   }
+  for (const Volume* volume : {&truth, &reconstruction})
+    if (auto ok = check_finite(*volume); !ok) return tl::unexpected(ok.error());
   const std::array<int, 3> size = {g.nx, g.ny, g.nz};
   std::array<std::vector<Sums>, 3> slices;
   for (std::size_t a = 0; a < 3; ++a) slices[a].resize(static_cast<std::size_t>(size[a]));
@@ -96,8 +108,9 @@ Result<FieldMetrics> compare(const Volume& truth, const Volume& reconstruction) 
   out.pearson = all.pearson();
   out.sqmd = all.sqmd();
   out.rmse = std::sqrt(error / all.n);
-  out.psnr_db = 20 * std::log10(peak / out.rmse);
-  for (int y = 0; y < g.ny; ++y) out.ssim += ssim_of_slice(truth, reconstruction, y, peak) / g.ny;
+  out.psnr_db = peak > 0 ? 20 * std::log10(peak / out.rmse) : kNone;
+  out.ssim = peak > 0 ? 0 : kNone;
+  for (int y = 0; y < g.ny && peak > 0; ++y) out.ssim += ssim_of_slice(truth, reconstruction, y, peak) / g.ny;
   for (std::size_t a = 0; a < 3; ++a)
     for (int i = 0; i < size[a]; ++i) {
       const Sums& s = slices[a][static_cast<std::size_t>(i)];
@@ -109,14 +122,16 @@ Result<FieldMetrics> compare(const Volume& truth, const Volume& reconstruction) 
 double mean_sqmd(const Projections& reference, const Projections& rendered) {
   expect(reference.values.size() == rendered.values.size() && reference.views() == rendered.views(),
          "images of one shape are compared");
-  double sum = 0;
+  double sum = 0, lit = 0;
   for (std::size_t v = 0; v < reference.views(); ++v) {
     Sums s;
     for (std::size_t i = 0; i < reference.pixels_per_view(); ++i)
       s.add(rendered.view(v)[i], reference.view(v)[i]);
+    if (!(s.size > 0)) continue;
     sum += s.sqmd();
+    lit += 1;
   }
-  return sum / static_cast<double>(reference.views());
+  return lit > 0 ? sum / lit : kNone;
 }
 
 std::vector<double> residual_per_view(const Projections& reference, const Projections& rendered) {

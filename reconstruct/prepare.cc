@@ -78,19 +78,6 @@ Rectangle largest_inside(const AreaMap& map) {
   return best;
 }
 
-std::size_t pixels_within(const std::vector<std::uint32_t>& pixels, const Window& w, int sensor_width) {
-  return static_cast<std::size_t>(std::ranges::count_if(pixels, [&](std::uint32_t i) {
-    const int x = static_cast<int>(i) % sensor_width - w.x0, y = static_cast<int>(i) / sensor_width - w.y0;
-    return x >= 0 && y >= 0 && x < w.width && y < w.height;
-  }));
-}
-
-std::size_t total_saturated(const MeanImages& images) {
-  std::size_t sum = 0;
-  for (const auto& [camera, pixels] : images.saturated) sum += pixels.size();
-  return sum;
-}
-
 std::string saturation_line(const Projections& projections, const std::vector<std::size_t>& saturated) {
   std::string list;
   for (std::size_t v = 0; v < saturated.size(); ++v) {
@@ -234,6 +221,12 @@ Result<> Preparer::make_crops(const std::vector<Camera>& sensors, const Grid& do
   return {};
 }
 
+std::size_t Preparer::saturated_in(const MeanImages& images, const View& view) {
+  const auto found = images.saturated.find(view.sensor.name);
+  if (found == images.saturated.end()) return 0;
+  return view.correction.front().count_used(found->second, view.sensor.image_width_px);
+}
+
 void Preparer::describe_references(const References& references) {
   const auto mean_of = [](const MeanImages& images) {
     return images.sets > 0 ? concat(", mean of ", images.sets) : std::string();
@@ -247,8 +240,11 @@ void Preparer::describe_references(const References& references) {
   if (!references.flat.empty()) {
     corrections_.push_back(concat("divided by the flat field", mean_of(references.flat),
                                   ", its mean over the used window set to 1"));
-    if (const std::size_t n = total_saturated(references.flat); n > 0)
-      corrections_.push_back(concat("saturated pixels in the flat field: ", n, "; expose it shorter"));
+    std::size_t saturated = 0;
+    for (const View& view : views_) saturated += saturated_in(references.flat, view);
+    if (saturated > 0)
+      corrections_.push_back(
+          concat("saturated pixels in the flat field: ", saturated, "; expose it shorter"));
   }
   if (references.dark.empty()) return;
   std::size_t hot = 0;
@@ -291,9 +287,7 @@ Result<Prepared> Preparer::operator()(const MeanImages& flame, Team& team) const
       clipped[v] = std::ranges::count_if(projections.view(v), [](float p) { return p < 0; });
       for (float& p : projections.view(v)) p = std::max(p, 0.0f);
     }
-    const auto full = flame.saturated.find(view.sensor.name);
-    if (full != flame.saturated.end())
-      out.saturated[v] = pixels_within(full->second, view.map.window, view.sensor.image_width_px);
+    out.saturated[v] = saturated_in(flame, view);
   });
   if (flame.sets > 0) out.provenance.push_back(concat("flame images: mean of ", flame.sets, " frame sets"));
   out.provenance.push_back(saturation_line(projections, out.saturated));

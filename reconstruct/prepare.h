@@ -26,7 +26,7 @@ struct PrepareOptions {
   double counts_per_unit = 1;  // grey levels per (field unit x mm)
   bool clip_negative = true;
   bool equal_views = false;  // scale the views to one total emission, for cameras of unknown gain
-  PhaseLock phase = {};           // which sets of a burst the flame images are averaged over
+  PhaseLock phase = {};      // which sets of a burst the flame images are averaged over
 };
 Result<PrepareOptions> prepare_options(const Recipe& recipe);  // unknown [prepare] keys are errors
 
@@ -35,7 +35,7 @@ std::vector<SettingField> fields_of(PrepareOptions& options);
 struct Prepared {
   Projections projections;              // one view per camera of `rig`
   Rig rig;                              // the cameras of these projections; missing cameras left out
-  std::vector<std::size_t> saturated;   // per view: sensor pixels used that reached full scale
+  std::vector<std::size_t> saturated;   // per view: used sensor pixels that reached full scale, less hot ones
   std::vector<std::string> provenance;  // one line per step, with its numbers
 };
 
@@ -74,6 +74,7 @@ class Preparer {
   Result<> make_level(const std::vector<Camera>& sensors, const Grid& domain, Team& team);
   Result<> make_crops(const std::vector<Camera>& sensors, const Grid& domain);
   Result<> shrink_to_sensors();
+  static std::size_t saturated_in(const MeanImages& images, const View& view);
   void describe_references(const References& references);
 
   PrepareOptions options_;

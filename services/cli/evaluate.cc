@@ -7,6 +7,8 @@
 #include "services/cli/commands.h"
 #include "services/cli/options.h"
 #include "services/cli/pictures.h"
+#include "services/report/comparison_picture.h"
+#include "services/report/field_plots.h"
 #include "services/store/projection_file.h"
 #include "services/store/rig_file.h"
 #include "services/store/volume_file.h"
@@ -66,6 +68,15 @@ Volume read_field(const std::filesystem::path& path, std::optional<double> spaci
   return or_fail(read_volume(path, path.extension() == ".npy" ? spacing_mm : std::nullopt));
 }
 
+void write_pictures(const std::filesystem::path& folder, const Volume& truth, const Volume& volume,
+                    const FieldMetrics& field) {
+  write_volume_picture(folder / "truth.png", truth, {.title = "Known field"});
+  write_volume_picture(folder / "volume.png", volume, {.title = "Reconstructed field"});
+  write_picture(folder / "slices.png", comparison_picture(truth, volume, field, "a.u."));
+  write_picture(folder / "correlation_hab.png", png_of(height_plot(volume.grid, field)));
+  write_picture(folder / "scatter.png", png_of(scatter_plot(truth, volume, "a.u.")));
+}
+
 void run(const Options& options, const Session& session) {
   Volume truth = read_field(options.truth, options.spacing_mm);
   const Volume volume = read_field(options.volume, options.spacing_mm);
@@ -74,10 +85,7 @@ void run(const Options& options, const Session& session) {
   session.check_stop();
   const FieldMetrics field = or_fail_about(options.volume, compare(truth, volume));
   const auto images = image_metrics(options, volume);
-  if (!options.pictures.empty()) {
-    write_volume_picture(options.pictures / "truth.png", truth, {.title = "Known field"});
-    write_volume_picture(options.pictures / "volume.png", volume, {.title = "Reconstructed field"});
-  }
+  if (!options.pictures.empty()) write_pictures(options.pictures, truth, volume, field);
   session.check_stop();
   if (options.json) {
     std::cout << json_of(field, images).dump(2) << '\n';
@@ -100,7 +108,9 @@ void add_evaluate(CLI::App& app, Session& session) {
   add_npy_spacing(*command, options->spacing_mm);
   command->add_option("--rig", options->rig, "With --projections: how well the volume explains them");
   command->add_option("--projections", options->projections, "What the volume was made from");
-  command->add_option("--pictures", options->pictures, "Folder for pictures of both");
+  command->add_option(
+      "--pictures", options->pictures,
+      "Folder for pictures: both fields, slices side by side, correlation against HAB, scatter");
   command->add_flag("--json", options->json, "Print the figures as JSON");
   command->footer("Example:\n  flamefield evaluate --truth truth.vtkhdf --volume volume.vtkhdf --json");
   command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });

@@ -5,7 +5,10 @@
 
 #include "services/cli/commands.h"
 #include "services/cli/options.h"
+#include "services/cli/pictures.h"
+#include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
+#include "services/report/preparation_picture.h"
 #include "services/store/file.h"
 #include "services/store/frame_file.h"
 #include "services/store/projection_file.h"
@@ -16,7 +19,7 @@ namespace flamefield {
 namespace {
 
 struct Options {
-  std::filesystem::path frames, rig, out, rig_out;
+  std::filesystem::path frames, rig, out, rig_out, pictures;
   RecipeOptions recipe;
   DomainOptions domain;
 };
@@ -43,6 +46,34 @@ MeanImages flame_of(const std::vector<FrameSet>& sets, const PhaseLock& phase,
                                                   "live sets are in it) record a burst")};
   }
   return or_fail_about(path, mean_images(or_fail_about(path, phase_locked(flame, phase))));
+}
+
+Image image_of_view(const Projections& projections, std::size_t view) {
+  Image image(projections.cols, projections.rows);
+  const auto values = projections.view(view);
+  image.pixels.assign(values.begin(), values.end());
+  return image;
+}
+
+// One picture a camera and one of all.
+void write_pictures(const std::filesystem::path& folder, const Preparer& preparer, const MeanImages& flame,
+                    const Prepared& prepared, const Grid& domain, const Session& session) {
+  const Eigen::Vector3d centre = 0.5 * (domain.lower_mm() + domain.upper_mm());
+  ProgressBar progress("drawing");
+  std::vector<PreparationSteps> all;
+  for (std::size_t v = 0; v < preparer.views(); ++v) {
+    const Camera& camera = preparer.camera(v);
+    const Image& raw = flame.images.at(camera.name);
+    all.push_back({camera, (camera.camera_from_world * centre).z(), raw, flame.full_scale,
+                   preparer.map(v).window, preparer.corrected(v, raw), image_of_view(prepared.projections, v),
+                   prepared.saturated[v]});
+  }
+  write_picture(folder / "overview.png", preparation_sheet(all, "a.u."));
+  for (const PreparationSteps& steps : all) {
+    session.check_stop();
+    write_picture(folder / (steps.camera.name + ".png"), preparation_picture(steps, "a.u."));
+    progress.update(static_cast<double>(&steps - all.data()), static_cast<double>(all.size()));
+  }
 }
 
 void run(const Options& options, const Session& session) {
@@ -74,6 +105,7 @@ void run(const Options& options, const Session& session) {
     provenance[concat("step_", i < 10 ? "0" : "", i)] = prepared.provenance[i];
   or_fail(write_rig(rig_out, prepared.rig));
   or_fail(write_projections(options.out, prepared.projections, provenance));
+  if (!options.pictures.empty()) write_pictures(options.pictures, preparer, flame, prepared, domain, session);
   for (const std::string& step : prepared.provenance) std::cout << step << '\n';
   std::cout << options.out.string() << ": " << prepared.projections.views() << " views of "
             << prepared.projections.cols << " x " << prepared.projections.rows << " px; their cameras are in "
@@ -94,6 +126,8 @@ void add_prepare(CLI::App& app, Session& session) {
   command->add_option("--out", options->out, "Projections to write: .nxs .npy .tif")->required();
   command->add_option("--rig-out", options->rig_out,
                       "The level cameras of the projections. Default: beside OUT, as NAME-rig.yaml");
+  command->add_option("--pictures", options->pictures,
+                      "Folder for pictures before and after, of each camera");
   command->footer(
       "The domain (default 52,55,52 voxels of 1 mm) says what is cut out and how wide a pixel becomes: about "
       "a "

@@ -2,26 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <iomanip>
 #include <sstream>
-#include <utility>
 
-#include "services/report/gnuplot.h"
+#include "services/report/figure_script.h"
 #include "services/report/slices.h"
 #include "services/report/volume_view.h"
 
 namespace flamefield {
 namespace {
-
-constexpr const char* kInk = "#c9d1d9";
-constexpr const char* kDim = "#8b949e";
-constexpr const char* kFrame = "#3d444d";
-constexpr const char* kBackground = "#0b0d12";
-
-struct Box {  // px, from the top left of the picture
-  double left, top, width, height;
-};
 
 // Where everything stands: slices share one scale (px per mm), the rendered view takes the room they leave.
 struct Layout {
@@ -51,81 +40,8 @@ Layout arrange(const Grid& grid, const VolumePictureOptions& options) {
   return out;
 }
 
-// 1, 2 or 5 times a power of ten, so that a range gets three to six tics.
-double tic_step(double range) {
-  const double rough = range / 4, power = std::pow(10, std::floor(std::log10(rough)));
-  const double lead = rough / power;
-  return power * (lead < 1.5 ? 1 : lead < 3.5 ? 2 : lead < 7.5 ? 5 : 10);
-}
-
-class Script {
- public:
-  Script(const VolumePictureOptions& options, const ScratchFolder& folder)
-      : options_(options), folder_(folder) {
-    out_ << std::setprecision(9) << "set terminal pngcairo size " << options.width_px << ','
-         << options.height_px << " background '" << kBackground << "' font 'Sans,12' noenhanced\n"
-         << "set multiplot\nunset key\n";
-  }
-  std::ostringstream& out() { return out_; }
-
-  void place(const Box& box) {
-    const double w = options_.width_px, h = options_.height_px;
-    out_ << "set lmargin at screen " << box.left / w << "\nset rmargin at screen "
-         << (box.left + box.width) / w << "\nset tmargin at screen " << 1 - box.top / h
-         << "\nset bmargin at screen " << 1 - (box.top + box.height) / h << '\n';
-  }
-
-  // Titles, ranges and about four tics an axis.
-  void axes(const std::string& title, const std::string& right, std::array<double, 2> right_range,
-            const std::string& up, std::array<double, 2> up_range) {
-    out_ << "set border 15 lc rgb '" << kFrame << "'\nset title " << quoted(title)
-         << " font 'Sans,12' textcolor rgb '" << kInk << "' offset 0,-0.4\nset xlabel " << quoted(right)
-         << " textcolor rgb '" << kInk << "' offset 0,0.3\nset ylabel " << quoted(up) << " textcolor rgb '"
-         << kInk << "' offset 1,0\n";
-    for (const auto& [axis, range] : {std::pair("x", right_range), std::pair("y", up_range)}) {
-      out_ << "set " << axis << "range [" << range[0] << ':' << range[1] << "]\nset " << axis << "tics "
-           << tic_step(range[1] - range[0]) << " out nomirror scale 0.6 textcolor rgb '" << kDim << "'\n";
-    }
-  }
-
-  // Text placed on the whole picture, drawn by the next plot.
-  void text(double x_px, double y_px, const std::string& words, int size, const char* colour) {
-    out_ << "set label " << quoted(words) << " at screen " << x_px / options_.width_px << ", screen "
-         << 1 - y_px / options_.height_px << " font 'Sans," << size << "' textcolor rgb '" << colour << "'\n";
-  }
-
-  // Image bytes to a file; gnuplot's clause that reads them, its pixels spread over a range of both axes.
-  std::string image_clause(const std::string& name, const std::vector<std::uint8_t>& bytes, int width,
-                           int height, std::array<double, 2> right, std::array<double, 2> up) {
-    std::ofstream(folder_.path() / name, std::ios::binary)
-        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
-    const double dx = (right[1] - right[0]) / width, dy = (up[1] - up[0]) / height;
-    std::ostringstream clause;
-    clause << std::setprecision(9) << quoted((folder_.path() / name).string()) << " binary array=(" << width
-           << ',' << height << ") flip=y dx=" << dx << " dy=" << dy << " origin=(" << right[0] + dx / 2 << ','
-           << up[0] + dy / 2 << ") format='%uchar' using ";
-    return clause.str();
-  }
-
-  static std::string quoted(const std::string& words) {
-    std::string out = "'";
-    for (char c : words) {
-      if (c == '\'')
-        out += "''";
-      else if (static_cast<unsigned char>(c) >= ' ')
-        out += c;
-    }
-    return out + "'";
-  }
-
- private:
-  const VolumePictureOptions& options_;
-  const ScratchFolder& folder_;
-  std::ostringstream out_;
-};
-
-void draw_slice(Script& script, const Slice& s, const Box& box, const ValueRange& range,
-                const std::string& name, const Eigen::Vector3d& cut_mm) {
+void draw_slice(FigureScript& script, const Slice& s, const Box& box, const ValueRange& range,
+                const Eigen::Vector3d& cut_mm) {
   const int w = static_cast<int>(std::lround(box.width)), h = static_cast<int>(std::lround(box.height));
   const RgbImage picture = coloured(resized(s.image, w, h), inferno(), range);
   script.place(box);
@@ -138,9 +54,9 @@ void draw_slice(Script& script, const Slice& s, const Box& box, const ValueRange
   // Where the other two slices cut this one.
   out << "set arrow from first " << at(s.right) << ",graph 0 to first " << at(s.right)
       << ",graph 1 nohead front dt (4,6) lc rgb '#90ffffff'\nset arrow from graph 0,first " << at(s.up)
-      << " to graph 1,first " << at(s.up) << " nohead front dt (4,6) lc rgb '#90ffffff'\nplot "
-      << script.image_clause(name, picture.bytes, w, h, s.right_mm, s.up_mm) << "1:2:3 with rgbimage\n"
-      << "unset arrow\nunset label\n";
+      << " to graph 1,first " << at(s.up) << " nohead front dt (4,6) lc rgb '#90ffffff'\n";
+  script.image(picture, s.right_mm, s.up_mm);
+  script.clear_marks();
 }
 
 void draw_edges(std::ostringstream& out, const Grid& grid, const Camera& camera, double height_px) {
@@ -178,12 +94,12 @@ void draw_edges(std::ostringstream& out, const Grid& grid, const Camera& camera,
           << (axis == 1             ? " center rotate by 90"
               : at.x() < middle.x() ? " right"
                                     : " left")
-          << " textcolor rgb '" << kDim << "' font 'Sans,11'\n";
+          << " textcolor rgb '" << kOnDark.dim << "' font 'Sans,11'\n";
     }
   }
 }
 
-void draw_view(Script& script, const Volume& volume, const Box& box, double high,
+void draw_view(FigureScript& script, const Volume& volume, const Box& box, double high,
                const VolumePictureOptions& options) {
   VolumeViewOptions view;
   view.width_px = static_cast<int>(std::lround(box.width));
@@ -199,13 +115,13 @@ void draw_view(Script& script, const Volume& volume, const Box& box, double high
       << "]\nset yrange [0:" << view.height_px << "]\n";
   draw_edges(out, volume.grid, camera, view.height_px);
   out << "plot "
-      << script.image_clause("view.rgba", image.bytes, view.width_px, view.height_px,
+      << script.image_clause(image.bytes, view.width_px, view.height_px,
                              {0, static_cast<double>(view.width_px)},
                              {0, static_cast<double>(view.height_px)})
       << "1:2:3:4 with rgbalpha\nunset arrow\nunset label\n";
 }
 
-void draw_profile(Script& script, const Volume& volume, const Box& box, const std::string& unit) {
+void draw_profile(FigureScript& script, const Volume& volume, const Box& box, const std::string& unit) {
   const std::vector<double> mean = mean_by_height(volume);
   script.place(box);
   std::ostringstream& out = script.out();
@@ -223,22 +139,6 @@ void draw_profile(Script& script, const Volume& volume, const Box& box, const st
       << "set grid lc rgb '#20262e' lt 1\nset style fill transparent solid 0.25 noborder\n"
       << "plot $profile with filledcurves y1=0 lc rgb '#f98e09', '' with lines lw 2 lc rgb '#f98e09'\n"
       << "unset grid\n";
-}
-
-void draw_bar(Script& script, const Box& box, const ValueRange& range, const std::string& unit) {
-  std::vector<std::uint8_t> ramp;
-  for (std::size_t i = 256; i-- > 0;) {
-    for (int twice = 0; twice < 2; ++twice) ramp.insert(ramp.end(), inferno()[i].begin(), inferno()[i].end());
-  }
-  script.place(box);
-  std::ostringstream& out = script.out();
-  out << "unset title\nunset xlabel\nunset ylabel\nunset xtics\nunset ytics\nset border 15\nset xrange "
-         "[0:1]\nset yrange ["
-      << range.low << ':' << range.high << "]\nset y2range [" << range.low << ':' << range.high
-      << "]\nset y2tics " << tic_step(range.high - range.low) << " out scale 0.6 textcolor rgb '" << kDim
-      << "'\nset y2label 'emission (" << unit << ")' offset -1.6,0 textcolor rgb '" << kInk << "'\nplot "
-      << script.image_clause("bar.rgb", ramp, 2, 256, {0, 1}, {range.low, range.high})
-      << "1:2:3 with rgbimage\n";
 }
 
 Result<> check(const Volume& volume) {
@@ -263,16 +163,14 @@ Result<RgbImage> volume_picture(const Volume& volume, const VolumePictureOptions
   ValueRange range = emission_range(volume.values);
   if (options.high > 0) range.high = options.high;
 
-  const ScratchFolder folder;
-  Script script(options, folder);
+  FigureScript script(options.width_px, options.height_px, kOnDark);
   script.text(40, 40, options.title, 21, "#ffffff");
   const std::string grid_text =
       concat(g.nx, " × ", g.ny, " × ", g.nz, " voxels of ", g.spacing_mm.x(), " mm");
   script.text(40, 72, options.subtitle.empty() ? grid_text : concat(options.subtitle, "   ·   ", grid_text),
-              12, kDim);
+              12, kOnDark.dim);
   draw_view(script, volume, layout.view, range.high, options);
   const std::array<const Box*, 3> boxes = {&layout.side, &layout.top, &layout.front};
-  const std::array<std::string, 3> names = {"x.rgb", "y.rgb", "z.rgb"};
   Eigen::Vector3d cut_mm;
   std::array<Slice, 3> cuts;
   for (Axis axis : kAxes) {
@@ -280,12 +178,10 @@ Result<RgbImage> volume_picture(const Volume& volume, const VolumePictureOptions
     cuts[i] = slice(volume, axis, central_layer(g, axis));
     cut_mm[static_cast<Eigen::Index>(i)] = cuts[i].position_mm;
   }
-  for (std::size_t i = 0; i < 3; ++i) draw_slice(script, cuts[i], *boxes[i], range, names[i], cut_mm);
+  for (std::size_t i = 0; i < 3; ++i) draw_slice(script, cuts[i], *boxes[i], range, cut_mm);
   draw_profile(script, volume, layout.profile, options.unit);
-  draw_bar(script, layout.bar, range, options.unit);
-  auto png = run_gnuplot(script.out().str(), folder.path());
-  if (!png) return tl::unexpected(png.error());
-  return rgb_from_png(*png);
+  script.bar(layout.bar, inferno(), range, concat("emission (", options.unit, ")"));
+  return script.draw();
 }
 
 }  // namespace flamefield

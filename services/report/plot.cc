@@ -89,10 +89,9 @@ bool is_empty(const Series& series) {
   return true;
 }
 
-std::string script_of(const Plot& plot, const std::string& name) {
+std::string script_of(const Plot& plot, const std::string& terminal) {
   std::ostringstream out;
-  out << std::setprecision(9) << "set terminal svg dynamic size " << plot.width_px << ',' << plot.height_px
-      << " font 'sans-serif,13' noenhanced name '" << name << "'\nset border 3 lc rgb '" << kInk
+  out << std::setprecision(9) << "set terminal " << terminal << "\nset border 3 lc rgb '" << kInk
       << "'\nset grid lc rgb '" << kGrid
       << "' lt 1 lw 0.5\nset key outside top center horizontal samplen 2 textcolor"
       << " rgb '" << kInk << "'\nset boxwidth 0.7 relative\nset datafile missing 'NaN'\n";
@@ -133,7 +132,9 @@ void replace_all(std::string& text, const std::string& from, const std::string& 
 
 Result<std::string> svg_of(const Plot& plot, const std::string& name) {
   const ScratchFolder folder;
-  auto svg = run_gnuplot(script_of(plot, name), folder.path());
+  const std::string terminal = concat("svg dynamic size ", plot.width_px, ',', plot.height_px,
+                                      " font 'sans-serif,13' noenhanced name '", name, "'");
+  auto svg = run_gnuplot(script_of(plot, terminal), folder.path());
   if (!svg) return svg;
   const std::size_t start = svg->find("<svg");
   if (start == std::string::npos) {
@@ -156,6 +157,17 @@ Result<std::string> svg_of(const Plot& plot, const std::string& name) {
     replace_all(*svg, concat("stroke='", spelling, "'"), "stroke='currentColor' stroke-opacity='0.16'");
   }
   return svg;
+}
+
+Result<RgbImage> png_of(const Plot& plot) {
+  const ScratchFolder folder;
+  std::string script = script_of(plot, concat("pngcairo size ", 2 * plot.width_px, ',', 2 * plot.height_px,
+                                              " fontscale 1.6 linewidth 1.6 pointscale 1.6 background "
+                                              "'#ffffff' font 'Sans,12' noenhanced"));
+  replace_all(script, kGrid, "#e4e7ea");
+  auto png = run_gnuplot(script, folder.path());
+  if (!png) return tl::unexpected(png.error());
+  return rgb_from_png(*png);
 }
 
 }  // namespace flamefield

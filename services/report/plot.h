@@ -51,4 +51,7 @@ struct Plot {
 // An <svg> element to be put into a page; ink follows the page's text colour. `name` is unique in the page.
 Result<std::string> svg_of(const Plot& plot, const std::string& name);
 
+// The same on white, at twice the size.
+Result<RgbImage> png_of(const Plot& plot);
+
 }  // namespace flamefield

@@ -266,7 +266,7 @@ TEST_F(DeskChain, PreparesRecordedFrames) {
     }
   }
   ASSERT_TRUE(write_frames(at("frames.nxs"), sets, {}));
-  overwrite(at("prepare.toml"), "[prepare]\nbinning = 1\nmargin_px = 0.0\n");
+  overwrite(at("prepare.toml"), "[prepare]\nlevel = false\nbinning = 1\nmargin_px = 0.0\n");
   const ProgramResult result =
       run("prepare frames.nxs --rig rig.yaml --recipe prepare.toml --size 20,20,20 --spacing-mm 1.5 --out "
           "prepared.nxs "
@@ -277,6 +277,20 @@ TEST_F(DeskChain, PreparesRecordedFrames) {
   EXPECT_EQ(prepared->view_names, projections.view_names);
   EXPECT_TRUE(read_rig(at("cropped.yaml")));
   EXPECT_NEAR(*std::max_element(prepared->values.begin(), prepared->values.end()), 200, 1);
+
+  // By default the cameras come out level, all of one size, and there are pictures to look at.
+  const ProgramResult level =
+      run("prepare frames.nxs --rig rig.yaml --size 20,20,20 --spacing-mm 1.5 --out prepared.nxs --rig-out "
+          "cropped.yaml --pictures pictures");
+  ASSERT_EQ(level.exit_code, 0) << level.err;
+  EXPECT_TRUE(contains(level.out, "level cameras")) << level.out;
+  EXPECT_TRUE(contains(level.out, "saturated pixels: none")) << level.out;
+  const auto cameras = read_rig(at("cropped.yaml"));
+  ASSERT_TRUE(cameras);
+  for (const Camera& c : cameras->cameras) EXPECT_NEAR(c.camera_from_world.rotation(1, 1), -1, 1e-9);
+  EXPECT_TRUE(std::filesystem::exists(at("pictures/overview.png")));
+  EXPECT_TRUE(std::filesystem::exists(at("pictures/cam07.png")));
+  std::filesystem::remove_all(at("pictures"));
   for (const char* name : {"frames.nxs", "prepare.toml", "prepared.nxs", "cropped.yaml"})
     std::filesystem::remove(at(name));
 }

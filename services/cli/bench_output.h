@@ -1,0 +1,36 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "services/cli/app.h"
+
+namespace flamefield {
+
+// Columns of equal width under headings that carry the units; numbers to the right, the first column to the
+// left.
+class TextTable {
+ public:
+  explicit TextTable(std::vector<std::string> headings) : rows_{std::move(headings)} {}
+  void add(std::vector<std::string> row) { rows_.push_back(std::move(row)); }
+  std::string text() const;
+
+ private:
+  std::vector<std::vector<std::string>> rows_;
+};
+
+// Three significant digits; a dash for what is not finite.
+std::string short_number(double value);
+
+// One line on stderr for each step; ends the command when Ctrl-C was pressed.
+class BenchProgress {
+ public:
+  BenchProgress(std::string what, const Session& session) : what_(std::move(what)), session_(session) {}
+  void operator()(const std::string& step) const;
+
+ private:
+  std::string what_;
+  const Session& session_;
+};
+
+}  // namespace flamefield
