@@ -31,6 +31,13 @@ std::string short_number(double value) {
   return text;
 }
 
+std::string fixed_number(double value, int decimals) {
+  if (!std::isfinite(value)) return "-";
+  char text[64];
+  std::snprintf(text, sizeof text, "%.*f", decimals, value);
+  return text;
+}
+
 void BenchProgress::operator()(const std::string& step) const {
   session_.check_stop();
   std::fprintf(stderr, "%s: %s\n", what_.c_str(), step.c_str());

@@ -19,8 +19,9 @@ class TextTable {
   std::vector<std::vector<std::string>> rows_;
 };
 
-// Three significant digits; a dash for what is not finite.
+// Three significant digits, or so many decimals; a dash for what is not finite.
 std::string short_number(double value);
+std::string fixed_number(double value, int decimals);
 
 // One line on stderr for each step; ends the command when Ctrl-C was pressed.
 class BenchProgress {
