@@ -107,12 +107,18 @@ Result<Image> grey_levels(const Frame& frame) {
         concat(frame.width_px, "x", frame.height_px, " ", name_of(frame.format), " needs ", wanted),
         "count the frame as lost");
   }
-  Image image(frame.width_px, frame.height_px);
   const auto* bytes = reinterpret_cast<const unsigned char*>(frame.bytes->data());
+  if (frame.format == PixelFormat::Mono8) {  // most frames; written once, not cleared first
+    Image image;
+    image.width_px = frame.width_px;
+    image.height_px = frame.height_px;
+    image.pixels.assign(bytes, bytes + wanted);
+    return image;
+  }
+  Image image(frame.width_px, frame.height_px);
   const std::size_t n = image.pixels.size();
   switch (frame.format) {
     case PixelFormat::Mono8:
-      for (std::size_t i = 0; i < n; ++i) image.pixels[i] = bytes[i];
       break;
     case PixelFormat::Mono12:
     case PixelFormat::Mono16:

@@ -12,7 +12,9 @@ float full_scale(PixelFormat format) {
 }
 
 void mark_saturated(const Image& image, float limit, std::vector<std::uint32_t>& out) {
-  if (!(*std::ranges::max_element(image.pixels) >= limit)) return;
+  unsigned count = 0;  // most images have none, and counting is many pixels at a time
+  for (float p : image.pixels) count += p >= limit ? 1 : 0;
+  if (count == 0) return;
   for (std::size_t i = 0; i < image.pixels.size(); ++i)
     if (image.pixels[i] >= limit) out.push_back(static_cast<std::uint32_t>(i));
 }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iomanip>
+#include <sstream>
 
 #include "proto/check.h"
 #include "services/report/field_plots.h"
@@ -16,6 +18,7 @@ struct Cut {
   Axis axis;
   int index;
 };
+constexpr std::size_t kUpright = 2;  // the first cuts, which share the height as their upward axis
 
 // Both vertical central planes, and horizontal ones at a tenth, three tenths ... of the height.
 std::vector<Cut> cuts(const Grid& g) {
@@ -34,7 +37,7 @@ struct Arrangement {
   double px_per_mm = 1, row_height = 0;
   std::vector<double> left, width, height;
 };
-constexpr double kLeft = 118, kGap = 44, kBars = 130, kHead = 92, kBetween = 62;
+constexpr double kLeft = 206, kGap = 46, kUpLabel = 26, kBars = 130, kHead = 92, kBetween = 66;
 
 Arrangement arrange(const Grid& g, const std::vector<Cut>& all, double picture_width) {
   double total_mm = 0, tallest_mm = 0;
@@ -46,11 +49,12 @@ Arrangement arrange(const Grid& g, const std::vector<Cut>& all, double picture_w
     tallest_mm = std::max(tallest_mm, sizes_mm.back()[1]);
   }
   Arrangement out;
-  out.px_per_mm = std::min(
-      (picture_width - kLeft - kBars - kGap * static_cast<double>(all.size())) / total_mm, 330 / tallest_mm);
+  const double room = picture_width - kLeft - kBars - kUpLabel - kGap * static_cast<double>(all.size());
+  out.px_per_mm = std::min(room / total_mm, 330 / tallest_mm);
   out.row_height = std::max(8.0, tallest_mm * out.px_per_mm);
   double left = kLeft;
   for (const auto& size : sizes_mm) {
+    if (out.left.size() == kUpright) left += kUpLabel;
     out.left.push_back(left);
     out.width.push_back(std::max(4.0, size[0] * out.px_per_mm));
     out.height.push_back(std::max(4.0, size[1] * out.px_per_mm));
@@ -60,11 +64,12 @@ Arrangement arrange(const Grid& g, const std::vector<Cut>& all, double picture_w
 }
 
 void draw(FigureScript& script, const Slice& s, const Box& box, const ColourMap& map, ValueRange range,
-          bool with_title, bool with_right_label) {
+          bool with_title, bool with_right_label, bool with_up_label) {
+  std::ostringstream title;
+  if (with_title) title << label_of(s.normal) << " = " << std::setprecision(3) << s.position_mm << " mm";
   script.place(box);
-  script.axes(with_title ? concat(label_of(s.normal), " = ", number(s.position_mm), " mm") : "",
-              with_right_label ? concat(label_of(s.right), " (mm)") : "", s.right_mm,
-              concat(label_of(s.up), " (mm)"), s.up_mm);
+  script.axes(title.str(), with_right_label ? concat(label_of(s.right), " (mm)") : "", s.right_mm,
+              with_up_label ? concat(label_of(s.up), " (mm)") : "", s.up_mm);
   if (!with_right_label) script.out() << "set format x ''\n";
   const Image image =
       resized(s.image, static_cast<int>(std::lround(box.width)), static_cast<int>(std::lround(box.height)));
@@ -96,9 +101,9 @@ Result<RgbImage> comparison_picture(const Volume& truth, const Volume& volume, c
                      number(metrics.sqmd, 3), " (3D)"),
               16);
   const std::array<const char*, 3> names = {"known", "reconstructed", "difference"};
-  for (std::size_t row = 0; row < 3; ++row) script.text(24, tops[row] - 10, names[row], 13);
-  script.text(24, tops[0] + at.row_height + kBetween / 2 + 2, "correlation", 11, kOnPaper.dim);
-  script.text(24, tops[0] + at.row_height + kBetween / 2 + 20, "SqMD", 11, kOnPaper.dim);
+  for (std::size_t row = 0; row < 3; ++row) script.text(24, tops[row] + at.row_height / 2, names[row], 13);
+  script.text(24, tops[0] + at.row_height + kBetween / 2 + 2, "correlation", 12);
+  script.text(24, tops[0] + at.row_height + kBetween / 2 + 20, "SqMD", 12);
   for (std::size_t i = 0; i < all.size(); ++i) {
     const SliceMetrics& m =
         metrics.slices[static_cast<std::size_t>(all[i].axis)].at(static_cast<std::size_t>(all[i].index));
@@ -111,7 +116,7 @@ Result<RgbImage> comparison_picture(const Volume& truth, const Volume& volume, c
     for (std::size_t row = 0; row < 3; ++row) {
       const Box box{at.left[i], tops[row] + at.row_height - at.height[i], at.width[i], at.height[i]};
       draw(script, slice(*rows[row], all[i].axis, all[i].index), box, row == 2 ? cool_warm() : inferno(),
-           row == 2 ? ValueRange{-largest, largest} : range, row == 0, row == 2);
+           row == 2 ? ValueRange{-largest, largest} : range, row == 0, row == 2, i == 0 || i == kUpright);
     }
   }
   const double bars = at.left.back() + at.width.back() + 30;

@@ -18,7 +18,7 @@ struct Layout {
 };
 
 Layout arrange(const Grid& grid, const VolumePictureOptions& options) {
-  constexpr double kLeft = 70, kTitle = 32, kBottom = 66, kGap = 22, kHead = 56, kBar = 124, kEdge = 24;
+  constexpr double kLeft = 70, kTitle = 32, kBottom = 66, kGap = 22, kHead = 56, kBar = 138, kEdge = 24;
   const Eigen::Vector3d size_mm = grid.upper_mm() - grid.lower_mm();
   const double room_w = 0.56 * options.width_px - kBar - 2 * kLeft - kGap;
   const double room_h = options.height_px - kHead - 2 * (kTitle + kBottom);

@@ -118,7 +118,7 @@ void draw_small(FigureScript& script, const Box& room, const Image& image, Value
 }  // namespace
 
 Result<RgbImage> preparation_picture(const PreparationSteps& steps, const std::string& unit) {
-  constexpr int kWidth = 1680, kHeight = 560;
+  constexpr int kWidth = 1680, kHeight = 520;
   constexpr double kTop = 92, kRoomHeight = 400;
   FigureScript script(kWidth, kHeight, kOnPaper);
   script.text(28, 34, concat("Camera ", steps.camera.name, ": from the sensor to the projection"), 17);

@@ -76,6 +76,13 @@ TEST_F(DeskChain, RecoversATorusFromItsPictures) {
   for (const char* key : {"\"slices\"", "\"residual_per_view\""})
     EXPECT_TRUE(contains(judged.out, key)) << key;
   EXPECT_TRUE(judged.err.empty()) << judged.err;
+
+  const ProgramResult drawn =
+      run("evaluate --truth truth.vtkhdf --volume volume.vtkhdf --pictures pictures --json");
+  ASSERT_EQ(drawn.exit_code, 0) << drawn.err;
+  for (const char* name : {"truth", "volume", "slices", "correlation_hab", "scatter"})
+    EXPECT_TRUE(std::filesystem::exists(at(concat("pictures/", name, ".png")))) << name;
+  std::filesystem::remove_all(at("pictures"));
   std::filesystem::remove(at("volume.vtkhdf"));
 }
 
