@@ -1,11 +1,13 @@
 #include "reconstruct/projector.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 
 #include "proto/check.h"
-#include "reconstruct/ray_engine.h"
-#include "reconstruct/stored_matrix.h"
+#include "reconstruct/projector/level_engine.h"
+#include "reconstruct/projector/ray_engine.h"
+#include "reconstruct/projector/stored_matrix.h"
 
 namespace flamefield {
 
@@ -51,6 +53,14 @@ Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const Projec
   for (const Camera& c : rig.cameras) out.view_names_.push_back(c.name);
   out.all_views_.resize(out.views());
   std::iota(out.all_views_.begin(), out.all_views_.end(), std::size_t{0});
+  if (!options.trilinear && std::ranges::all_of(rig.cameras, [](const Camera& c) { return is_level(c); })) {
+    std::vector<LevelView> views;
+    for (const Camera& c : rig.cameras) views.emplace_back(c, grid, PixelModel{.area = options.pixel_area});
+    if (LevelEngine::obstacle(views).empty()) {
+      out.engine_ = std::make_shared<LevelEngine>(std::move(views), out.layout_);
+      return out;
+    }
+  }
   const double budget_bytes = options.memory_budget_mib * 1048576;
   if (StoredMatrix::estimated_bytes(rig, grid, options, team) <= budget_bytes) {
     out.engine_ = std::make_shared<StoredMatrix>(rig, grid, out.layout_, options, team);

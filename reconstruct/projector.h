@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
@@ -11,30 +10,17 @@
 #include "proto/volume.h"
 #include "reconstruct/layout.h"
 #include "reconstruct/parallel.h"
+#include "reconstruct/projector/engine.h"
 
 namespace flamefield {
 
 struct ProjectorOptions {
-  int pixel_samples = 2;            // k x k rays a pixel
-  double step_voxels = 0.5;         // ds, in units of the smallest voxel side
-  double memory_budget_mib = 2048;  // a matrix that needs more is not stored but traced anew each time
-};
-
-struct ColumnEntry {
-  std::uint32_t pixel = 0;  // index into (views, rows, cols), unpacked
-  float weight = 0;         // mm
-};
-
-// One way to apply A to packed arrays (layout.h). All ways share the discretisation of ray_march.h.
-class ProjectorEngine {
- public:
-  virtual ~ProjectorEngine() = default;
-  virtual void forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
-                       std::span<float> projections) const = 0;
-  virtual void adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
-                       std::span<float> volume) const = 0;
-  virtual void column(std::size_t voxel, std::vector<ColumnEntry>& entries) const = 0;
-  virtual std::string name() const = 0;
+  bool trilinear = false;    // the paper's ray tracer (Eq. 1) instead of the level-camera projector
+  bool pixel_area = true;    // level: a pixel averages over its area; false: one central ray
+  int pixel_samples = 2;     // trilinear: k x k rays a pixel
+  double step_voxels = 0.5;  // trilinear: ds, in units of the smallest voxel side
+  double memory_budget_mib =
+      2048;  // trilinear: a matrix that needs more is not stored but traced anew each time
 };
 
 // A, the linear map from a volume to its projections, in mm: line integrals through any camera, lens

@@ -5,7 +5,7 @@
 
 #include "proto/check.h"
 #include "reconstruct/parallel.h"
-#include "reconstruct/ray_march.h"
+#include "reconstruct/projector/ray_march.h"
 
 namespace flamefield {
 

@@ -38,10 +38,13 @@ std::string_view name_of(StopReason reason) {
 namespace {
 
 std::vector<SettingField> fields_of(ProjectorOptions& o) {
-  return {{"pixel_samples", "", 1, 8, "k x k rays a pixel", &o.pixel_samples},
-          {"step_voxels", "voxels", 0.01, 1, "ds along a ray, in units of the smallest voxel side",
+  return {{"trilinear", "", 0, 1, "the ray tracer of the paper's Eq. 1 instead of the fast projector",
+           &o.trilinear},
+          {"pixel_area", "", 0, 1, "a pixel averages over its area; false: one central ray", &o.pixel_area},
+          {"pixel_samples", "", 1, 8, "trilinear: k x k rays a pixel", &o.pixel_samples},
+          {"step_voxels", "voxels", 0.01, 1, "trilinear: ds along a ray, in units of the smallest voxel side",
            &o.step_voxels},
-          {"memory_budget_mib", "MiB", 0, 1e9, "a larger matrix is traced anew instead of stored",
+          {"memory_budget_mib", "MiB", 0, 1e9, "trilinear: a larger matrix is traced anew instead of stored",
            &o.memory_budget_mib}};
 }
 

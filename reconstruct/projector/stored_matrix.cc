@@ -1,10 +1,10 @@
-#include "reconstruct/stored_matrix.h"
+#include "reconstruct/projector/stored_matrix.h"
 
 #include <cmath>
 #include <numeric>
 
 #include "proto/check.h"
-#include "reconstruct/ray_march.h"
+#include "reconstruct/projector/ray_march.h"
 
 namespace flamefield {
 

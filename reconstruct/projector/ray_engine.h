@@ -1,7 +1,7 @@
 #pragma once
 
 #include "reconstruct/projector.h"
-#include "reconstruct/ray_march.h"
+#include "reconstruct/projector/ray_march.h"
 
 namespace flamefield {
 

@@ -1,4 +1,4 @@
-#include "reconstruct/ray_engine.h"
+#include "reconstruct/projector/ray_engine.h"
 
 #include <cmath>
 

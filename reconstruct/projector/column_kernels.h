@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "reconstruct/projector/footprint.h"
+
+namespace flamefield {
+
+// The inner loops of the projector. A pixel column of a level camera meets a plane of voxels in a vertical
+// line. One strip is what they share: the neighbouring voxel columns, blended into one, onto which the pixels
+// map affinely. A row of strips is one pixel column on consecutive planes, or consecutive pixel columns on
+// one plane.
+struct StripRow {
+  int count = 0;
+  // Of each strip, in voxels but for the last:
+  const float* q = nullptr;        // where the line meets the plane
+  const float* half = nullptr;     // half the width that a pixel averages over
+  const float* m = nullptr;        // height of a pixel
+  const float* half_px = nullptr;  // half the height that a pixel averages over, px; 0: a point
+  std::size_t plane = 0,
+              plane_step = 0;           // first voxel of the first strip's plane; floats to the next strip's
+  std::size_t line = 0, line_step = 0;  // bottom pixel of the first strip's line; floats to the next strip's
+};
+
+struct StripShape {
+  int ny = 0;              // voxels in a column
+  std::size_t column = 0;  // floats in a column, a multiple of 16; padding is zero
+  int others = 0;          // voxel columns in a plane
+  std::size_t stride = 0;  // floats from one to the next
+  int rows = 0;            // pixels in a line
+  std::size_t line = 0;    // floats in a line, a multiple of 16; padding is zero
+  double height = 0;       // of the camera's centre above voxel row 0, voxels
+  double axis_up = 0;  // of the principal point above the bottom row, px: pixel `up` looks at voxel height
+                       // + m (up - axis_up)
+};
+
+// Buffers for one thread: three kinds, for each strip of a group.
+class KernelScratch {
+ public:
+  static constexpr int kGroup = 4;
+  void fit(const StripShape& shape);
+  float* first(int strip) { return data_.data() + offset_ + static_cast<std::size_t>(3 * strip) * span_; }
+  float* second(int strip) { return first(strip) + span_; }
+  float* third(int strip) { return second(strip) + span_; }  // nobody writes to its margins: they stay zero
+
+ private:
+  std::size_t span_ = 0, offset_ = 0, line_ = 0;
+  std::vector<float> data_;
+};
+
+// The vector kernels handle pixels between half a voxel and 1.75 voxels high that average over at most one
+// voxel to each side; the plain ones everything. Both compute the same sums.
+constexpr double kSmallestVectorM = 0.5, kLargestVectorM = 1.75, kLargestVectorHalf = 1;
+
+// images += strips of `volume`, without the factor of length. Padding of lines may become non-zero.
+void add_forward(const float* volume, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
+                 float* images);
+void add_forward_plain(const float* volume, const StripRow& row, const StripShape& shape, float* images);
+
+// volume += strips transposed times factors x images. Padding of columns may become non-zero.
+void add_adjoint(const float* images, const float* factors, const StripRow& row, const StripShape& shape,
+                 KernelScratch& scratch, float* volume);
+void add_adjoint_plain(const float* images, const float* factors, const StripRow& row,
+                       const StripShape& shape, float* volume);
+
+// Which instruction set the vector kernels use here, e.g. "AVX3".
+const char* vector_target();
+
+}  // namespace flamefield

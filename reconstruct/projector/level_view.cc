@@ -1,0 +1,127 @@
+#include "reconstruct/projector/level_view.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flamefield {
+
+bool is_level(const Camera& camera, double tolerance_px) {
+  if (camera.is_distorted()) return false;
+  const Eigen::Matrix3d& r = camera.camera_from_world.rotation;
+  const double reach_px = std::max(
+      {std::abs(camera.cx_px), std::abs(camera.cy_px), std::abs(camera.image_width_px - camera.cx_px),
+       std::abs(camera.image_height_px - camera.cy_px), camera.fx_px, camera.fy_px});
+  // World y in the camera's frame should be (0, -1, 0).
+  return r(1, 1) < 0 && std::hypot(r(0, 1), r(2, 1)) * reach_px <= tolerance_px;
+}
+
+LevelView::LevelView(const Camera& camera, const Grid& grid, const PixelModel& model)
+    : model_(model),
+      focal_px_(static_cast<float>(camera.fx_px)),
+      focal_up_px_(camera.fy_px),
+      axis_up_(camera.image_height_px - 1 - camera.cy_px),
+      height_((camera.centre_mm().y() - grid.origin_mm.y()) / grid.spacing_mm.y()),
+      smallest_m_(std::numeric_limits<double>::infinity()) {
+  const Eigen::Vector3d centre = camera.centre_mm(), s = grid.spacing_mm, o = grid.origin_mm;
+  const Eigen::Matrix3d& r = camera.camera_from_world.rotation;
+  const Eigen::Vector3d right = r.row(0), forward = r.row(2);
+  const auto push = [](Linear& out, double at0, double step) {
+    out.at0.push_back(static_cast<float>(at0));
+    out.step.push_back(static_cast<float>(step));
+  };
+  for (int col = 0; col < camera.image_width_px; ++col) {
+    const double x_n = (col - camera.cx_px) / camera.fx_px;
+    const Eigen::Vector3d d = forward + x_n * right;
+    const bool along_z = std::abs(d.z()) * s.x() >= std::abs(d.x()) * s.z();
+    const int main = along_z ? 2 : 0, other = 2 - main, planes = along_z ? grid.nz : grid.nx;
+    const double depth = (o[main] - centre[main]) / d[main], per_plane = s[main] / d[main];
+    // dq/dx_n = depth (right x forward) / (d_main s_other), and half a pixel is 1/2f in x_n.
+    const double turn = std::abs(right[other] * forward[main] - right[main] * forward[other]);
+    const double width = turn / (2 * camera.fx_px * std::abs(d[main]) * s[other]);
+    const double height = 1 / (camera.fy_px * s.y());
+    push(q_, (centre[other] + depth * d[other] - o[other]) / s[other], per_plane * d[other] / s[other]);
+    push(half_, depth * width, per_plane * width);
+    push(m_, depth * height, per_plane * height);
+    push(depth_mm_, depth, per_plane);
+    along_z_.push_back(along_z);
+    step_mm_.push_back(s[main] / std::abs(d[main]));
+    slant2_.push_back(1 + x_n * x_n);
+
+    std::vector<Run>& runs = along_z ? runs_along_z_ : runs_along_x_;
+    if (runs.empty() || runs.back().end != col) runs.push_back({col, col});
+    runs.back().end = col + 1;
+    for (const int k : {0, planes - 1}) {
+      const auto at = static_cast<std::size_t>(col);
+      const double m = depth * height + k * per_plane * height, half = half_.at(at, static_cast<float>(k));
+      const double pixels = 2.0 * half_px(depth_mm_.at(at, static_cast<float>(k)));
+      smallest_m_ = std::min(smallest_m_, m);
+      largest_m_ = std::max(largest_m_, m);
+      largest_half_ = std::max({largest_half_, pixels * half, pixels * m / 2});
+    }
+  }
+}
+
+// The blur circle of a thin lens, D = f A |1/depth - 1/focus| pixels across, has the variance D^2 / 16 on
+// each axis; a box of width w has w^2 / 12. Pixel and circle together act like the box of equal variance.
+float LevelView::half_px(float depth_mm) const {
+  if (model_.aperture_mm <= 0) return model_.area ? 0.5f : 0.0f;
+  const auto aperture_mm = static_cast<float>(model_.aperture_mm),
+             focus_mm = static_cast<float>(model_.focus_mm);
+  const float circle_px = focal_px_ * aperture_mm * (1 / depth_mm - 1 / focus_mm);
+  return 0.5f * std::sqrt((model_.area ? 1.0f : 0.0f) + 0.75f * circle_px * circle_px);
+}
+
+void LevelView::Strips::resize(int count) {
+  const std::size_t size = (static_cast<std::size_t>(count) + 15) / 16 * 16;
+  for (std::vector<float>* v : {&q, &half, &m, &half_px}) v->resize(size, 1.0f);
+}
+
+void LevelView::strips_of_column(int col, int from_plane, int count, Strips& out) const {
+  out.resize(count);
+  const auto c = static_cast<std::size_t>(col);
+  const auto line = [&](const Linear& linear, std::vector<float>& values) {
+    const float at0 = linear.at0[c], step = linear.step[c];
+    float* to = values.data();
+    for (int i = 0; i < count; ++i) to[i] = at0 + static_cast<float>(from_plane + i) * step;
+  };
+  line(q_, out.q);
+  line(half_, out.half);
+  line(m_, out.m);
+  if (model_.aperture_mm > 0) line(depth_mm_, out.half_px);
+  average(count, out);
+}
+
+void LevelView::strips_of_plane(int plane, int from_col, int count, Strips& out) const {
+  out.resize(count);
+  const auto line = [&](const Linear& linear, std::vector<float>& values) {
+    const float *at0 = linear.at0.data() + from_col, *step = linear.step.data() + from_col;
+    const auto k = static_cast<float>(plane);
+    float* to = values.data();
+    for (int i = 0; i < count; ++i) to[i] = at0[i] + k * step[i];
+  };
+  line(q_, out.q);
+  line(half_, out.half);
+  line(m_, out.m);
+  if (model_.aperture_mm > 0) line(depth_mm_, out.half_px);
+  average(count, out);
+}
+
+// From half widths of bare pixels (and depths in half_px) to what pixels average over.
+void LevelView::average(int count, Strips& out) const {
+  float *half = out.half.data(), *px = out.half_px.data();
+  if (model_.aperture_mm > 0) {
+    for (int i = 0; i < count; ++i) px[i] = half_px(px[i]);
+  } else {
+    std::fill(px, px + count, half_px(0));
+  }
+  for (int i = 0; i < count; ++i) half[i] *= 2 * px[i];
+}
+
+float LevelView::length_mm(int col, int up) const {
+  const auto c = static_cast<std::size_t>(col);
+  const double y_n = (up - axis_up_) / focal_up_px_;
+  return static_cast<float>(step_mm_[c] * std::sqrt(slant2_[c] + y_n * y_n));
+}
+
+}  // namespace flamefield
