@@ -100,18 +100,20 @@ struct Block {
     }
   }
 
-  // footprint.h: linear interpolation, and the bump on second differences; columns n - 1 .. n + 2, n = floor(q).
+  // footprint.h: linear interpolation, and the bump on second differences; columns n - 1 .. n + 2, n =
+  // floor(q).
   HWY_INLINE void weigh_columns(int i) {
     const V zero = hn::Zero(kF), one = set(1), two = set(2), quarter = set(0.25), tiny = set(1e-6);
     const V q = hn::LoadU(kF, row.q + begin + i), h = hn::LoadU(kF, row.half + begin + i);
     const V n = hn::Floor(q), f = hn::Sub(q, n), scale = hn::Div(quarter, hn::Max(h, tiny));
     const V u = hn::Max(zero, hn::Sub(h, f)), v = hn::Max(zero, hn::Add(hn::Sub(h, one), f));
     const V s0 = hn::Mul(scale, hn::Mul(u, u)), s1 = hn::Mul(scale, hn::Mul(v, v));
-    const V inside = hn::Sub(hn::Min(hn::Add(q, h), set(shape.others - 0.5)), hn::Max(hn::Sub(q, h), set(-0.5)));
+    const V inside =
+        hn::Sub(hn::Min(hn::Add(q, h), set(shape.others - 0.5)), hn::Max(hn::Sub(q, h), set(-0.5)));
     const V width = hn::Add(h, h);
-    const V share = hn::IfThenElse(hn::Gt(h, zero),
-                                   hn::Div(hn::Max(zero, hn::Min(inside, width)), hn::Max(width, tiny)),
-                                   hn::IfThenElseZero(hn::Ge(inside, zero), one));
+    const V share =
+        hn::IfThenElse(hn::Gt(h, zero), hn::Div(hn::Max(zero, hn::Min(inside, width)), hn::Max(width, tiny)),
+                       hn::IfThenElseZero(hn::Ge(inside, zero), one));
     const V w0 = hn::Mul(share, s0), w3 = hn::Mul(share, s1);
     const V w1 = hn::Mul(share, hn::Add(hn::NegMulAdd(two, s0, hn::Sub(one, f)), s1));
     const V w2 = hn::Mul(share, hn::Add(hn::NegMulAdd(two, s1, f), s0));
@@ -141,7 +143,8 @@ struct Block {
     hn::Store(low, kF, from + i);
     hn::Store(high, kF, to + i);
     hn::Store(hn::ConvertTo(kI, hn::Max(hn::Zero(kF), hn::Floor(hn::Sub(low, reach_px)))), kI, first + i);
-    hn::Store(hn::ConvertTo(kI, hn::Min(set(shape.rows - 1), hn::Ceil(hn::Add(high, reach_px)))), kI, last + i);
+    hn::Store(hn::ConvertTo(kI, hn::Min(set(shape.rows - 1), hn::Ceil(hn::Add(high, reach_px)))), kI,
+              last + i);
     hn::Store(hn::ConvertTo(kI, hn::Ceil(hn::Add(low, reach_px))), kI, whole_first + i);
     hn::Store(hn::ConvertTo(kI, hn::Floor(hn::Sub(high, reach_px))), kI, whole_last + i);
   }
@@ -161,7 +164,9 @@ struct Block {
     return row.plane + static_cast<std::size_t>(begin + lane) * row.plane_step +
            static_cast<std::size_t>(column[lane]) * shape.stride;
   }
-  std::size_t line_at(int lane) const { return row.line + static_cast<std::size_t>(begin + lane) * row.line_step; }
+  std::size_t line_at(int lane) const {
+    return row.line + static_cast<std::size_t>(begin + lane) * row.line_step;
+  }
 };
 
 // One strip of a block, its numbers at hand.
@@ -266,8 +271,8 @@ HWY_INLINE bool has_room(float m) {
   return static_cast<float>(kLanes - 1) * m + 4 <= 2 * kLanes - 1;
 }
 
-// Strips are worked on in small groups, step by step, so that a step does not wait for what the one before has just
-// written. work(block, lanes, count)
+// Strips are worked on in small groups, step by step, so that a step does not wait for what the one before
+// has just written. work(block, lanes, count)
 template <class Work>
 HWY_INLINE void each_group(const StripRow& row, const StripShape& shape, const Work& work) {
   for (int begin = 0; begin < row.count; begin += kBlock) {
@@ -299,24 +304,28 @@ void AddForward(const float* volume, const StripRow& row, const StripShape& shap
       float* line = images + block.line_at(lanes[g]);
       const bool room = has_room(strip.m);
       if (strip.half > 0) {
-        if (room) add_line<true, true>(strip, c, line);
-        else add_line<true, false>(strip, c, line);
+        if (room)
+          add_line<true, true>(strip, c, line);
+        else
+          add_line<true, false>(strip, c, line);
       } else {
-        if (room) add_line<false, true>(strip, c, line);
-        else add_line<false, false>(strip, c, line);
+        if (room)
+          add_line<false, true>(strip, c, line);
+        else
+          add_line<false, false>(strip, c, line);
       }
     }
   });
 }
 
-// The part of a line that the strip sees, times its factors, into a buffer that is zero elsewhere.
-HWY_INLINE void copy_seen(const float* HWY_RESTRICT line, const float* HWY_RESTRICT factors,
-                          const Strip& strip, const StripShape& shape, float* HWY_RESTRICT out) {
+// The part of a line that the strip sees, into a buffer that is zero elsewhere.
+HWY_INLINE void copy_seen(const float* HWY_RESTRICT line, const Strip& strip, const StripShape& shape,
+                          float* HWY_RESTRICT out) {
   const int end = static_cast<int>(shape.line);
   for (int up = 0; up < end; up += kLanes) {
     V value = hn::Zero(kF);
     if (up <= strip.last && up + kLanes > strip.first) {
-      value = hn::Mul(hn::LoadU(kF, line + up), hn::LoadU(kF, factors + up));
+      value = hn::LoadU(kF, line + up);
       if (!strip.whole(up)) value = hn::Mul(value, strip.share(up));
     }
     hn::Store(value, kF, out + up);
@@ -384,7 +393,8 @@ HWY_INLINE void fold(int ny, float* HWY_RESTRICT direct, float* HWY_RESTRICT ben
 }
 
 template <int kCount, bool kArea>
-HWY_INLINE void spread_some(const float* HWY_RESTRICT direct, const float* HWY_RESTRICT bend, const Block& block, int lane, float* HWY_RESTRICT columns) {
+HWY_INLINE void spread_some(const float* HWY_RESTRICT direct, const float* HWY_RESTRICT bend,
+                            const Block& block, int lane, float* HWY_RESTRICT columns) {
   V weight[kCount];
   float* to[kCount];
   for (std::size_t j = 0; j < kCount; ++j) {
@@ -418,23 +428,27 @@ HWY_INLINE void spread(const float* direct, const float* bend, const Block& bloc
   }
 }
 
-void AddAdjoint(const float* images, const float* factors, const StripRow& row, const StripShape& shape,
-                KernelScratch& scratch, float* volume) {
+void AddAdjoint(const float* images, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
+                float* volume) {
   each_group(row, shape, [&](const Block& block, const int* lanes, int count) HWY_ATTR {
     for (int g = 0; g < count; ++g) {
-      const std::size_t line = block.line_at(lanes[g]);
-      copy_seen(images + line, factors + line, Strip(block, lanes[g]), shape, scratch.third(g));
+      copy_seen(images + block.line_at(lanes[g]), Strip(block, lanes[g]), shape, scratch.third(g));
     }
     for (int g = 0; g < count; ++g) {
       const Strip strip(block, lanes[g]);
-      if (strip.half > 0) gather<true>(scratch.third(g), strip, shape, scratch.first(g), scratch.second(g));
-      else gather<false>(scratch.third(g), strip, shape, scratch.first(g), scratch.second(g));
+      if (strip.half > 0)
+        gather<true>(scratch.third(g), strip, shape, scratch.first(g), scratch.second(g));
+      else
+        gather<false>(scratch.third(g), strip, shape, scratch.first(g), scratch.second(g));
     }
-    for (int g = 0; g < count; ++g) fold(shape.ny, scratch.first(g), scratch.second(g), block.half[lanes[g]] > 0);
+    for (int g = 0; g < count; ++g)
+      fold(shape.ny, scratch.first(g), scratch.second(g), block.half[lanes[g]] > 0);
     for (int g = 0; g < count; ++g) {
       float* columns = volume + block.columns_at(lanes[g]);
-      if (block.half[lanes[g]] > 0) spread<true>(scratch.first(g), scratch.second(g), block, lanes[g], columns);
-      else spread<false>(scratch.first(g), scratch.second(g), block, lanes[g], columns);
+      if (block.half[lanes[g]] > 0)
+        spread<true>(scratch.first(g), scratch.second(g), block, lanes[g], columns);
+      else
+        spread<false>(scratch.first(g), scratch.second(g), block, lanes[g], columns);
     }
   });
 }
@@ -474,9 +488,9 @@ void add_forward(const float* volume, const StripRow& row, const StripShape& sha
   HWY_DYNAMIC_DISPATCH(AddForward)(volume, row, shape, scratch, images);
 }
 
-void add_adjoint(const float* images, const float* factors, const StripRow& row, const StripShape& shape,
-                 KernelScratch& scratch, float* volume) {
-  HWY_DYNAMIC_DISPATCH(AddAdjoint)(images, factors, row, shape, scratch, volume);
+void add_adjoint(const float* images, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
+                 float* volume) {
+  HWY_DYNAMIC_DISPATCH(AddAdjoint)(images, row, shape, scratch, volume);
 }
 
 const char* vector_target() {

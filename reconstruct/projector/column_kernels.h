@@ -58,11 +58,10 @@ void add_forward(const float* volume, const StripRow& row, const StripShape& sha
                  float* images);
 void add_forward_plain(const float* volume, const StripRow& row, const StripShape& shape, float* images);
 
-// volume += strips transposed times factors x images. Padding of columns may become non-zero.
-void add_adjoint(const float* images, const float* factors, const StripRow& row, const StripShape& shape,
-                 KernelScratch& scratch, float* volume);
-void add_adjoint_plain(const float* images, const float* factors, const StripRow& row,
-                       const StripShape& shape, float* volume);
+// volume += strips transposed times images. Padding of columns may become non-zero.
+void add_adjoint(const float* images, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
+                 float* volume);
+void add_adjoint_plain(const float* images, const StripRow& row, const StripShape& shape, float* volume);
 
 // Which instruction set the vector kernels use here, e.g. "AVX3".
 const char* vector_target();

@@ -36,10 +36,9 @@ void add_forward_plain(const float* volume, const StripRow& row, const StripShap
   });
 }
 
-void add_adjoint_plain(const float* images, const float* factors, const StripRow& row,
-                       const StripShape& shape, float* volume) {
+void add_adjoint_plain(const float* images, const StripRow& row, const StripShape& shape, float* volume) {
   each_weight(row, shape, [&](std::size_t voxel, std::size_t pixel, float weight) {
-    volume[voxel] += weight * factors[pixel] * images[pixel];
+    volume[voxel] += weight * images[pixel];
   });
 }
 

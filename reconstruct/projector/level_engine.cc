@@ -8,8 +8,9 @@ namespace flamefield {
 
 namespace {
 
-constexpr std::size_t kSlabFloats = 192 * 1024;  // of voxels that stay in the second-level cache
-constexpr std::size_t kColumnsPerTask = 8;       // pixel columns
+constexpr std::size_t kSlabFloats = 768 * 1024;  // of voxels that stay in cache while all views pass
+constexpr std::size_t kColumnsPerTask = 8;       // pixel columns, forward
+constexpr std::size_t kPlanesPerTask = 8;        // adjoint
 
 struct Workbench {
   KernelScratch scratch;
@@ -87,7 +88,7 @@ void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::s
   for (const bool along_z : {true, false}) {
     const Walk w = walk(along_z);
     const std::size_t plane_floats = static_cast<std::size_t>(w.shape.others) * layout_.column;
-    const int slab = volume.size() < 8 * kSlabFloats
+    const int slab = volume.size() < 2 * kSlabFloats
                          ? w.planes
                          : std::max(1, static_cast<int>(kSlabFloats / plane_floats));
     for (int from = 0; from < w.planes; from += slab) {
@@ -111,39 +112,52 @@ void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::s
 
 void LevelEngine::adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
                           std::span<float> volume) const {
-  const auto add_views = [&](const Walk& w, int plane) {
+  // Lengths are applied once; what is left is the transpose of blend and resample.
+  std::vector<float> weighted(projections.size());
+  team.run_ranges(
+      views.size() * static_cast<std::size_t>(layout_.cols), 64, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) {
+          const std::size_t at = line(views[i / static_cast<std::size_t>(layout_.cols)],
+                                      static_cast<int>(i % static_cast<std::size_t>(layout_.cols)));
+          for (std::size_t p = at; p < at + layout_.line; ++p) weighted[p] = projections[p] * lengths_[p];
+        }
+      });
+  const auto add_views = [&](const Walk& w, int from, int count) {
     Workbench& bench = workbench();
     bench.scratch.fit(w.shape);
     for (const std::size_t v : views) {
       const LevelView& view = views_[v];
-      for (const LevelView::Run& run : view.runs(w.along_z)) {
-        view.strips_of_plane(plane, run.begin, run.end - run.begin, bench.strips);
-        StripRow row = bench.strips.row(run.end - run.begin);
-        row.plane = static_cast<std::size_t>(plane) * w.plane_stride;
-        row.line = line(v, run.begin);
-        row.line_step = layout_.line;
-        if (vectors_) {
-          add_adjoint(projections.data(), lengths_.data(), row, w.seen_by(view), bench.scratch,
-                      volume.data());
-        } else {
-          add_adjoint_plain(projections.data(), lengths_.data(), row, w.seen_by(view), volume.data());
+      const StripShape shape = w.seen_by(view);
+      for (const LevelView::Run& run : view.runs(w.along_z))
+        for (int col = run.begin; col < run.end; ++col) {
+          view.strips_of_column(col, from, count, bench.strips);
+          StripRow row = bench.strips.row(count);
+          row.plane = static_cast<std::size_t>(from) * w.plane_stride;
+          row.plane_step = w.plane_stride;
+          row.line = line(v, col);
+          if (vectors_) {
+            add_adjoint(weighted.data(), row, shape, bench.scratch, volume.data());
+          } else {
+            add_adjoint_plain(weighted.data(), row, shape, volume.data());
+          }
         }
-      }
     }
   };
   for (const bool along_z : {true, false}) {
     const Walk w = walk(along_z);
-    team.run(static_cast<std::size_t>(w.planes), [&](std::size_t plane) {
-      const auto column = [&](int other) {
-        return volume.data() + plane * w.plane_stride + static_cast<std::size_t>(other) * w.shape.stride;
-      };
-      if (along_z) std::fill(column(0), column(0) + w.plane_stride, 0.0f);
-      add_views(w, static_cast<int>(plane));
-      if (along_z) return;
-      for (int other = 0; other < w.shape.others; ++other) {
-        std::fill(column(other) + layout_.ny, column(other) + layout_.column, 0.0f);
-      }
-    });
+    team.run_ranges(
+        static_cast<std::size_t>(w.planes), kPlanesPerTask, [&](std::size_t begin, std::size_t end) {
+          const auto column = [&](std::size_t plane, int other) {
+            return volume.data() + plane * w.plane_stride + static_cast<std::size_t>(other) * w.shape.stride;
+          };
+          if (along_z) std::fill(column(begin, 0), column(end, 0), 0.0f);
+          add_views(w, static_cast<int>(begin), static_cast<int>(end - begin));
+          if (along_z) return;
+          for (std::size_t plane = begin; plane < end; ++plane)
+            for (int other = 0; other < w.shape.others; ++other) {
+              std::fill(column(plane, other) + layout_.ny, column(plane, other) + layout_.column, 0.0f);
+            }
+        });
   }
 }
 

@@ -22,7 +22,8 @@ LevelView::LevelView(const Camera& camera, const Grid& grid, const PixelModel& m
       focal_up_px_(camera.fy_px),
       axis_up_(camera.image_height_px - 1 - camera.cy_px),
       height_((camera.centre_mm().y() - grid.origin_mm.y()) / grid.spacing_mm.y()),
-      smallest_m_(std::numeric_limits<double>::infinity()) {
+      smallest_m_(std::numeric_limits<double>::infinity()),
+      nearest_m_(std::numeric_limits<double>::infinity()) {
   const Eigen::Vector3d centre = camera.centre_mm(), s = grid.spacing_mm, o = grid.origin_mm;
   const Eigen::Matrix3d& r = camera.camera_from_world.rotation;
   const Eigen::Vector3d right = r.row(0), forward = r.row(2);
@@ -51,14 +52,21 @@ LevelView::LevelView(const Camera& camera, const Grid& grid, const PixelModel& m
     std::vector<Run>& runs = along_z ? runs_along_z_ : runs_along_x_;
     if (runs.empty() || runs.back().end != col) runs.push_back({col, col});
     runs.back().end = col + 1;
-    for (const int k : {0, planes - 1}) {
-      const auto at = static_cast<std::size_t>(col);
-      const double m = depth * height + k * per_plane * height, half = half_.at(at, static_cast<float>(k));
-      const double pixels = 2.0 * half_px(depth_mm_.at(at, static_cast<float>(k)));
-      smallest_m_ = std::min(smallest_m_, m);
-      largest_m_ = std::max(largest_m_, m);
-      largest_half_ = std::max({largest_half_, pixels * half, pixels * m / 2});
-    }
+    note_extremes(static_cast<std::size_t>(col), planes, along_z ? grid.nx : grid.nz);
+  }
+}
+
+// Sizes matter only where the column's lines of sight are near the box.
+void LevelView::note_extremes(std::size_t col, int planes, int others) {
+  constexpr float kBeyond = 3;
+  for (int k = 0; k < planes; ++k) {
+    const auto plane = static_cast<float>(k);
+    const float q = q_.at(col, plane), m = m_.at(col, plane), pixels = 2 * half_px(depth_mm_.at(col, plane));
+    nearest_m_ = std::min<double>(nearest_m_, m);
+    if (q < -kBeyond || q > static_cast<float>(others) + kBeyond) continue;
+    smallest_m_ = std::min<double>(smallest_m_, m);
+    largest_m_ = std::max<double>(largest_m_, m);
+    largest_half_ = std::max<double>({largest_half_, pixels * half_.at(col, plane), pixels * m / 2});
   }
 }
 

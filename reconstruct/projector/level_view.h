@@ -50,11 +50,11 @@ class LevelView {
   // Length of the line of sight of pixel `up` (from the bottom) between two planes, mm.
   float length_mm(int col, int up) const;
 
-  // Smallest and largest height of a pixel on any plane, and the largest half width it averages over, voxels.
+  // Smallest and largest height of a pixel in the box, and the largest half width it averages over, voxels.
   double smallest_m() const { return smallest_m_; }
   double largest_m() const { return largest_m_; }
   double largest_half() const { return largest_half_; }
-  bool in_front() const { return smallest_m_ > 0; }  // every plane lies in front of the camera
+  bool in_front() const { return nearest_m_ > 0; }  // every plane lies in front of the camera
 
  private:
   // Values at column `col` on plane 0, and their growth from plane to plane.
@@ -64,6 +64,7 @@ class LevelView {
   };
   float half_px(float depth_mm) const;
   void average(int count, Strips& out) const;
+  void note_extremes(std::size_t col, int planes, int others);
 
   PixelModel model_;
   float focal_px_;
@@ -73,7 +74,7 @@ class LevelView {
   Linear q_, half_, m_, depth_mm_;  // half: of the bare pixel's width
   std::vector<double> step_mm_;     // from plane to plane along the optical axis
   std::vector<double> slant2_;      // squared length of the column's horizontal direction with unit depth
-  double largest_m_ = 0, smallest_m_, largest_half_ = 0;
+  double largest_m_ = 0, smallest_m_, nearest_m_, largest_half_ = 0;
 };
 
 }  // namespace flamefield
