@@ -7,6 +7,7 @@
 #include "proto/check.h"
 #include "reconstruct/projector/level_engine.h"
 #include "reconstruct/projector/ray_engine.h"
+#include "reconstruct/projector/rectified_engine.h"
 #include "reconstruct/projector/stored_matrix.h"
 
 namespace flamefield {
@@ -40,6 +41,20 @@ Result<> check(const Rig& rig, const Grid& grid, const ProjectorOptions& o) {
   return {};
 }
 
+// The level projector, directly or behind a rectification; none when the cameras do not allow either.
+std::shared_ptr<const ProjectorEngine> fast_engine(const Rig& rig, const Grid& grid, const Layout& layout,
+                                                   const ProjectorOptions& options) {
+  const PixelModel model{.area = options.pixel_area};
+  if (std::ranges::all_of(rig.cameras, [](const Camera& c) { return is_level(c); })) {
+    std::vector<LevelView> views;
+    for (const Camera& c : rig.cameras) views.emplace_back(c, grid, model);
+    if (!LevelEngine::obstacle(views).empty()) return nullptr;
+    return std::make_shared<LevelEngine>(std::move(views), layout);
+  }
+  if (!RectifiedEngine::obstacle(rig, grid, model).empty()) return nullptr;
+  return std::make_shared<RectifiedEngine>(rig, grid, layout, model);
+}
+
 }  // namespace
 
 Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const ProjectorOptions& options,
@@ -53,13 +68,8 @@ Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const Projec
   for (const Camera& c : rig.cameras) out.view_names_.push_back(c.name);
   out.all_views_.resize(out.views());
   std::iota(out.all_views_.begin(), out.all_views_.end(), std::size_t{0});
-  if (!options.trilinear && std::ranges::all_of(rig.cameras, [](const Camera& c) { return is_level(c); })) {
-    std::vector<LevelView> views;
-    for (const Camera& c : rig.cameras) views.emplace_back(c, grid, PixelModel{.area = options.pixel_area});
-    if (LevelEngine::obstacle(views).empty()) {
-      out.engine_ = std::make_shared<LevelEngine>(std::move(views), out.layout_);
-      return out;
-    }
+  if (!options.trilinear) {
+    if ((out.engine_ = fast_engine(rig, grid, out.layout_, options))) return out;
   }
   const double budget_bytes = options.memory_budget_mib * 1048576;
   if (StoredMatrix::estimated_bytes(rig, grid, options, team) <= budget_bytes) {

@@ -73,11 +73,12 @@ void LevelView::note_extremes(std::size_t col, int planes, int others) {
 // The blur circle of a thin lens, D = f A |1/depth - 1/focus| pixels across, has the variance D^2 / 16 on
 // each axis; a box of width w has w^2 / 12. Pixel and circle together act like the box of equal variance.
 float LevelView::half_px(float depth_mm) const {
-  if (model_.aperture_mm <= 0) return model_.area ? 0.5f : 0.0f;
+  const float pixel_px = model_.area ? static_cast<float>(model_.pixel_px) : 0.0f;
+  if (model_.aperture_mm <= 0) return 0.5f * pixel_px;
   const auto aperture_mm = static_cast<float>(model_.aperture_mm),
              focus_mm = static_cast<float>(model_.focus_mm);
   const float circle_px = focal_px_ * aperture_mm * (1 / depth_mm - 1 / focus_mm);
-  return 0.5f * std::sqrt((model_.area ? 1.0f : 0.0f) + 0.75f * circle_px * circle_px);
+  return 0.5f * std::sqrt(pixel_px * pixel_px + 0.75f * circle_px * circle_px);
 }
 
 void LevelView::Strips::resize(int count) {

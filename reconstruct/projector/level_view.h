@@ -11,6 +11,7 @@ namespace flamefield {
 // What a pixel averages over: its own area, and the blur circle of a lens of finite aperture.
 struct PixelModel {
   bool area = true;        // false: one central ray
+  double pixel_px = 1;     // side of the averaged square, in pixels of the image computed
   double aperture_mm = 0;  // diameter of the entrance pupil; 0: pinhole
   double focus_mm = 0;     // distance of the plane in focus along the optical axis
 };
