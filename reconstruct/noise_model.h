@@ -26,6 +26,10 @@ std::vector<SettingField> fields_of(NoiseModel& noise);
 // bright pixels give the two terms. Fine structure counts as noise, so it errs on the high side.
 NoiseModel estimate_noise(std::span<const float> images, const Layout& layout);
 
+// What discrete voxels and pixels leave unexplained even without noise, share of the brightest pixel: no
+// misfit below it is worth having.
+inline constexpr double kLeastNoise = 0.005;
+
 // |noise| / |b| that the model expects; 0 for dark images. images: packed.
 double expected_residual(const NoiseModel& noise, std::span<const float> images, const Layout& layout);
 

@@ -61,7 +61,7 @@ std::span<const Solver> solvers() {
             SirtOptions{.sweeps = {.max_iterations = 10, .smoothing = 0.1}, .relaxation = 0.5}, sirt_fields,
             solve_sart),
       entry("os-sart", "SIRT with ordered subsets of views (Wang and Jiang 2004)",
-            SirtOptions{.sweeps = {.max_iterations = 20, .subsets = 5, .smoothing = 0.1}, .relaxation = 1},
+            SirtOptions{.sweeps = {.max_iterations = 30, .subsets = 5, .smoothing = 0.1}, .relaxation = 1},
             os_sart_fields, solve_sirt),
       entry("sirt", "simultaneous iterative reconstruction (Gilbert 1972)", SirtOptions{}, sirt_fields,
             solve_sirt),

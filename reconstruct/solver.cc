@@ -6,6 +6,7 @@
 
 #include "proto/nearest_name.h"
 #include "reconstruct/constraints.h"
+#include "reconstruct/input_checks.h"
 #include "reconstruct/metrics.h"
 #include "reconstruct/prepare.h"
 #include "reconstruct/problem.h"
@@ -61,36 +62,6 @@ Result<const Solver*> solver_of(const Recipe& recipe) {
                        concat("did you mean '", nearest_name(recipe.solver, names), "'?"));
 }
 
-Result<> check_views(const Projections& p, const Projector& projector) {
-  if (p.rows != projector.rows() || p.cols != projector.cols() ||
-      p.values.size() != p.views() * p.pixels_per_view()) {
-    return invalid_input(concat("projections of ", p.views(), " views with ", p.rows, "x", p.cols,
-                                " (rows x cols), ", p.values.size(), " values"),
-                         concat("the rig's images have ", projector.rows(), "x", projector.cols(), ", ",
-                                projector.views(), " views"),
-                         "use the rig that prepare wrote for these projections");
-  }
-  if (p.view_names != projector.view_names()) {
-    std::size_t v = 0;
-    while (v < std::min(p.views(), projector.views()) && p.view_names[v] == projector.view_names()[v]) ++v;
-    const auto at = [v](const std::vector<std::string>& names) {
-      return v < names.size() ? names[v] : std::string("missing");
-    };
-    return invalid_input(concat("view ", v, " is ", at(p.view_names), " in the projections, ",
-                                at(projector.view_names()), " in the rig"),
-                         "each view needs its camera, in the rig's order", "check rig and projections");
-  }
-  for (std::size_t i = 0; i < p.values.size(); ++i) {
-    if (std::isfinite(p.values[i])) continue;
-    const std::size_t in_view = i % p.pixels_per_view(), cols = static_cast<std::size_t>(p.cols);
-    return invalid_input(
-        concat("projections: ", p.values[i], " in view ", p.view_names[i / p.pixels_per_view()], ", row ",
-               in_view / cols, ", column ", in_view % cols),
-        "every value must be finite", "mask or repair this pixel");
-  }
-  return {};
-}
-
 // What a recipe says beside its solvers' own tables.
 struct SharedOptions {
   ProjectorOptions projector;
@@ -116,58 +87,6 @@ Result<SharedOptions> shared_options(const Recipe& recipe) {
   for (const SharedTable& table : tables_of(options))
     if (auto ok = read_settings(table.name, table.fields, recipe); !ok) return tl::unexpected(ok.error());
   return options;
-}
-
-// A camera without any ray through the box is a mistake in rig, grid or units.
-Result<> check_sight(const Projector& projector, Team& team) {
-  const Layout& layout = projector.layout();
-  std::vector<float> images(layout.pixels());
-  projector.forward(team, std::vector<float>(layout.voxels(), 1), images);
-  for (std::size_t v = 0; v < projector.views(); ++v) {
-    const auto view = std::span(images).subspan(v * layout.pixels_per_view(), layout.pixels_per_view());
-    if (std::ranges::any_of(view, [](float length_mm) { return length_mm > 0; })) continue;
-    const Eigen::Vector3d low = projector.grid().lower_mm(), high = projector.grid().upper_mm();
-    return invalid_input(concat("camera ", projector.view_names()[v], " does not see the domain"),
-                         concat("none of its rays meets the box from (", low.x(), ", ", low.y(), ", ",
-                                low.z(), ") to (", high.x(), ", ", high.y(), ", ", high.z(), ") mm"),
-                         "check the rig, the size, spacing and origin of the domain");
-  }
-  return {};
-}
-
-Result<> check_start(const SolveControl& control, const Grid& grid, const Solver& solver) {
-  if (!control.start) return {};
-  if (!solver.takes_start) {
-    return invalid_input("a warm start", concat("solver ", solver.name, " has no use for one"),
-                         "leave it out or choose an iterative solver, e.g. sirt");
-  }
-  const Grid& given = control.start->grid;
-  if (!(given == grid) || control.start->values.size() != grid.voxels()) {
-    const auto text = [](const Grid& g) {
-      return concat(g.nx, "x", g.ny, "x", g.nz, " voxels of ", g.spacing_mm.x(), "x", g.spacing_mm.y(), "x",
-                    g.spacing_mm.z(), " mm from (", g.origin_mm.x(), ", ", g.origin_mm.y(), ", ",
-                    g.origin_mm.z(), ") mm");
-    };
-    return invalid_input(concat("the warm start has ", text(given)), concat("the domain has ", text(grid)),
-                         "start from a volume of the same size, spacing and origin");
-  }
-  for (std::size_t i = 0; i < grid.voxels(); ++i) {
-    if (!std::isfinite(control.start->values[i]))
-      return invalid_input(concat("the warm start: ", control.start->values[i], " at voxel ", i),
-                           "every value must be finite", "start from another volume");
-  }
-  return {};
-}
-
-// Many pixels at exactly the brightest value look like a sensor at its full scale.
-std::vector<std::string> notes_about(const Projections& projections, float brightest) {
-  constexpr double kShare = 1e-3;
-  const auto at_top = static_cast<std::size_t>(std::ranges::count(projections.values, brightest));
-  if (!(brightest > 0) || at_top < 4 ||
-      static_cast<double>(at_top) < kShare * static_cast<double>(projections.values.size()))
-    return {};
-  return {concat(at_top, " pixels share the brightest value ", brightest,
-                 ": the images may be saturated, and the field too dim there")};
 }
 
 }  // namespace
@@ -228,7 +147,12 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   if (auto ok = check_views(projections, projector); !ok) return tl::unexpected(ok.error());
   const auto start = std::chrono::steady_clock::now();
   const Solver& solver = **solver_of(recipe);
-  if (auto ok = check_start(control, projector.grid(), solver); !ok) return tl::unexpected(ok.error());
+  if (control.start && !solver.takes_start) {
+    return invalid_input("a warm start", concat("solver ", solver.name, " has no use for one"),
+                         "leave it out or choose an iterative solver, e.g. sirt");
+  }
+  if (control.start)
+    if (auto ok = check_start(*control.start, projector.grid()); !ok) return tl::unexpected(ok.error());
   const SharedOptions shared = *shared_options(recipe);
   Team team(control.threads);
   if (auto ok = check_sight(projector, team); !ok) return tl::unexpected(ok.error());
@@ -269,7 +193,7 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   for (float& v : out.volume.values) v *= scale;
   if (!solution.sigma.empty()) out.sigma = layout.unpack_volume(solution.sigma);
   for (float& s : out.sigma) s *= scale;
-  out.notes = notes_about(projections, brightest);
+  out.notes = notes_about(projections);
   out.notes.insert(out.notes.end(), solution.notes.begin(), solution.notes.end());
   out.solver = recipe.solver;
   out.iterations = solution.iterations;

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numeric>
+#include <span>
 
 #include "proto/check.h"
 
@@ -46,37 +46,34 @@ double at_discrepancy(const Walk& walk, double noise) {
   return std::lerp(walk.log_weight[n - 2], walk.log_weight[n - 1], std::clamp(t, 0.0, 1.0));
 }
 
-// Vertex of the parabola through the best trial and its neighbours.
-double at_least_held_out(const Walk& walk) {
-  const auto best = static_cast<std::size_t>(
-      std::ranges::min_element(walk.trials, {}, &WeightTrial::held_out) - walk.trials.begin());
-  if (best == 0 || best + 1 == walk.trials.size()) return walk.log_weight[best];
-  const double a = walk.trials[best - 1].held_out, b = walk.trials[best].held_out,
-               c = walk.trials[best + 1].held_out;
-  const double bend = a - 2 * b + c, shift = bend > 0 ? 0.5 * (a - c) / bend : 0;
-  return walk.log_weight[best] + shift * (walk.log_weight[best + 1] - walk.log_weight[best]);
+// Where the values are least: vertex of the parabola through the least one and its neighbours.
+double vertex(std::span<const double> at, std::span<const double> values) {
+  const auto best = static_cast<std::size_t>(std::ranges::min_element(values) - values.begin());
+  if (best == 0 || best + 1 == values.size()) return at[best];
+  const double bend = values[best - 1] - 2 * values[best] + values[best + 1];
+  const double shift = bend > 0 ? 0.5 * (values[best - 1] - values[best + 1]) / bend : 0;
+  return at[best] + shift * (at[best + 1] - at[best]);
 }
 
-// The trial at which the curve turns most sharply: curvature of the circle through it and its neighbours.
+double at_least_held_out(const Walk& walk) {
+  std::vector<double> errors;
+  for (const WeightTrial& trial : walk.trials) errors.push_back(trial.held_out);
+  return vertex(walk.log_weight, errors);
+}
+
+// The trial farthest below the chord from the first to the last, and its neighbours: vertex of a parabola.
 double at_corner(const Walk& walk) {
-  const auto point = [&](std::size_t i) {
-    constexpr double kTiny = 1e-30;
-    return std::array<double, 2>{std::log(std::max(walk.trials[i].misfit, kTiny)),
-                                 std::log(std::max(walk.trials[i].penalty, kTiny))};
+  constexpr double kTiny = 1e-30;
+  const std::size_t n = walk.trials.size();
+  const auto x = [&](std::size_t i) { return std::log(std::max(walk.trials[i].misfit, kTiny)); };
+  const auto y = [&](std::size_t i) { return std::log(std::max(walk.trials[i].penalty, kTiny)); };
+  const auto height = [&](std::size_t i) {
+    return (x(n - 1) - x(0)) * (y(i) - y(0)) - (y(n - 1) - y(0)) * (x(i) - x(0));
   };
-  double sharpest = -INFINITY, found = walk.log_weight.back();
-  for (std::size_t i = 1; i + 1 < walk.trials.size(); ++i) {
-    const auto p = point(i - 1), q = point(i), r = point(i + 1);
-    const double ax = q[0] - p[0], ay = q[1] - p[1], bx = r[0] - q[0], by = r[1] - q[1];
-    const double sides = std::hypot(ax, ay) * std::hypot(bx, by) * std::hypot(ax + bx, ay + by);
-    // Falling weights run to the left and up; the corner turns to the right.
-    const double curvature = sides > 0 ? 2 * (ay * bx - ax * by) / sides : 0;
-    if (curvature > sharpest) {
-      sharpest = curvature;
-      found = walk.log_weight[i];
-    }
-  }
-  return found;
+  // Weights fall: the curve runs to the left and up, and the corner lies to the lower left of the chord.
+  std::vector<double> heights;
+  for (std::size_t i = 0; i < n; ++i) heights.push_back(-height(i));
+  return vertex(walk.log_weight, heights);
 }
 
 }  // namespace

@@ -13,7 +13,8 @@ enum class WeightRule {
   Fixed,
   Discrepancy,  // the largest whose misfit is not above the noise (Morozov, Soviet Math. Dokl. 7, 1966)
   HeldOut,      // the one that best predicts views that were kept back
-  LCurve,       // the corner of log |penalty| over log |misfit| (Hansen, SIAM Rev. 34, 1992)
+  LCurve,       // the corner of log |penalty| over log |misfit| (Hansen, SIAM Rev. 34, 1992), as the point
+                // farthest from its chord
 };
 Choice weight_rule_choice(WeightRule& rule);
 std::string_view name_of(WeightRule rule);

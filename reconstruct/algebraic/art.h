@@ -14,8 +14,8 @@ namespace flamefield {
 // depends on the ray before: it runs on one thread.
 struct ArtOptions {
   int max_iterations = 10;  // sweeps over all rays
-  double relaxation = 0.1;
-  double smoothing = 0.1;           // share of the paper's filter after each sweep
+  double relaxation = 0.3;
+  double smoothing = 0.2;           // share of the paper's filter after each sweep
   double memory_budget_mib = 4096;  // for the rows of A
 };
 std::vector<SettingField> art_fields(ArtOptions& options);

@@ -1,6 +1,8 @@
 #include "reconstruct/algebraic/cgls.h"
 
+#include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "reconstruct/algebraic/quadratic.h"
 #include "reconstruct/vectors.h"
@@ -9,6 +11,7 @@ namespace flamefield {
 
 std::vector<SettingField> cgls_fields(CglsOptions& o) {
   return {{"max_iterations", "", 1, 1e6, "iterations; more sharpen the noise", &o.max_iterations},
+          {"restart", "", 1, 1e6, "iterations from one cut of negative values to the next", &o.restart},
           {"damping", "", 0, 1e3, "weight of |x|, share of |A|", &o.damping},
           {"tolerance", "", 0, 1, "stop when |A^T r| / (|A| |r|) is at or below", &o.tolerance}};
 }
@@ -25,13 +28,17 @@ Solution solve_cgls(const Problem& problem, const CglsOptions& options) {
   Solution out;
   out.volume = start_of(unsigned_problem);
   std::vector<float> r(problem.images.begin(), problem.images.end()), q(r.size()), s(out.volume.size());
-  projector.forward(team, out.volume, q);
-  add_scaled(team, -1, q, r);
+  const auto residual = [&] {  // r = b - A x
+    std::ranges::copy(problem.images, r.begin());
+    projector.forward(team, out.volume, q);
+    add_scaled(team, -1, q, r);
+  };
   const auto gradient = [&] {  // s = A^T r - shift x, on the support
     projector.adjoint(team, r, s);
     add_scaled(team, -shift, out.volume, s);
     constrain(unsigned_problem, s);
   };
+  residual();
   gradient();
   std::vector<float> p = s;
   double gamma = squared_norm(team, s);
@@ -42,6 +49,11 @@ Solution solve_cgls(const Problem& problem, const CglsOptions& options) {
       const double step = gamma / curvature;
       add_scaled(team, step, p, out.volume);
       add_scaled(team, -step, q, r);
+    }
+    const bool cut = problem.non_negative && iteration % options.restart == 0;
+    if (cut) {
+      constrain(problem, out.volume);
+      residual();
     }
     gradient();
     const double before = std::exchange(gamma, squared_norm(team, s));
@@ -54,7 +66,7 @@ Solution solve_cgls(const Problem& problem, const CglsOptions& options) {
       out.stop_reason = *reason;
       break;
     }
-    const double ratio = before > 0 ? gamma / before : 0;
+    const double ratio = before > 0 && !cut ? gamma / before : 0;
     team.run_ranges(p.size(), 8192, [&](std::size_t begin, std::size_t end) {
       for (std::size_t j = begin; j < end; ++j) p[j] = s[j] + static_cast<float>(ratio) * p[j];
     });

@@ -10,9 +10,11 @@ namespace flamefield {
 // Conjugate gradients for min |A x - b|^2 + damping^2 |A|^2 |x|^2 (Hestenes and Stiefel, J. Res. Natl. Bur.
 // Stand. 49, 1952), over the voxels of the support; the iterates are those of LSQR (Paige and Saunders, ACM
 // Trans. Math. Softw. 8, 1982), and so are damping and tolerance. Few iterations regularise by themselves.
-// Negative values cannot be kept out on the way: where they are not allowed they are cut off in the end.
+// Where negative values are not allowed they are cut off every few iterations, from where it starts anew
+// (Calvetti, Landi, Reichel and Sgallari, Inverse Problems 20, 2004).
 struct CglsOptions {
-  int max_iterations = 12;
+  int max_iterations = 40;
+  int restart = 2;          // iterations between cuts of negative values
   double damping = 0;       // share of |A|
   double tolerance = 1e-6;  // ends when |A^T r| / (|A| |r|) is at or below, as LSQR's atol
 };

@@ -13,9 +13,9 @@ namespace flamefield {
 //   x_j <- x_j exp( relaxation (A_s^T log(b_s / (A_s x)))_j / (A_s^T 1)_j )
 // Where images agree it finds the field of maximum entropy. Dark and negative pixels count as `floor`.
 struct MartOptions {
-  SweepOptions sweeps = {.max_iterations = 20, .subsets = 5, .smoothing = 0.1};
+  SweepOptions sweeps = {.max_iterations = 20, .subsets = 5, .smoothing = 0.3};
   double relaxation = 1;
-  double floor = 0.01;  // least value of a pixel, share of the brightest
+  double floor = 0.001;  // least value of a pixel, share of the brightest
 };
 std::vector<SettingField> mart_fields(MartOptions& options);
 

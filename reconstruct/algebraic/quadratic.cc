@@ -173,7 +173,7 @@ namespace {
 
 // Leaves the field of the last trial in x.
 double find_weight(Quadratic q, const QuadraticOptions& options, Monitor& monitor, std::vector<float>& x) {
-  constexpr double kHighest = 1, kLowest = 1e-6;
+  constexpr double kHighest = 0.1, kLowest = 1e-5;
   const Problem& problem = q.problem;
   const Layout& layout = problem.projector.layout();
   const std::size_t views = problem.projector.views();
@@ -189,7 +189,7 @@ double find_weight(Quadratic q, const QuadraticOptions& options, Monitor& monito
       for (int row = 0; row < layout.rows; ++row) {
         const std::size_t p = layout.pixel(v, row, col);
         const double w = q.pixel_weights.empty() ? 1 : q.pixel_weights[p];
-        variance += w * noise.variance(problem.images[p]);
+        variance += w * (noise.variance(problem.images[p]) + kLeastNoise * kLeastNoise);
       }
 
   std::vector<float> images(layout.pixels());

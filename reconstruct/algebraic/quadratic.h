@@ -18,7 +18,7 @@ struct QuadraticOptions {
   WeightRule weight_rule = WeightRule::Discrepancy;
   double weight = 0.01;  // with WeightRule::Fixed
   int max_iterations = 100;
-  double tolerance = 3e-4;
+  double tolerance = 1e-4;
 };
 std::vector<SettingField> fields_of(QuadraticOptions& options);
 

@@ -13,7 +13,7 @@ namespace flamefield {
 // One view at a time it is SART (Andersen and Kak, Ultrasonic Imaging 6, 1984), with groups of views OS-SART
 // (Wang and Jiang, J. X-Ray Sci. Technol. 12, 2004).
 struct SirtOptions {
-  SweepOptions sweeps = {.max_iterations = 100, .smoothing = 0.02};
+  SweepOptions sweeps = {.max_iterations = 150, .smoothing = 0.05};
   double relaxation = 1.5;
 };
 std::vector<SettingField> sirt_fields(SirtOptions& options);  // of SIRT and SART

@@ -47,6 +47,18 @@ float largest_voxel(const Problem& problem) {
   return 1.25f * *std::ranges::max_element(rough.volume);
 }
 
+// The mask without voxels outside the support; none left means that nothing may be lit.
+Mask within_support(const Problem& problem, Mask mask) {
+  if (problem.support.empty()) return mask;
+  const Layout& layout = problem.projector.layout();
+  const auto nx = static_cast<std::uint32_t>(layout.nx), ny = static_cast<std::uint32_t>(layout.ny);
+  std::erase_if(mask, [&](std::uint32_t v) {
+    return !problem.support[layout.voxel(static_cast<int>(v % nx), static_cast<int>(v / nx % ny),
+                                         static_cast<int>(v / nx / ny))];
+  });
+  return mask;
+}
+
 enum Purpose : std::uint64_t { kMaskStream = 1, kOffspringStream = 2 };
 
 }  // namespace
@@ -66,7 +78,9 @@ Solution solve_ert(const Problem& problem, const ErtOptions& options) {
   const auto samples = static_cast<std::size_t>(options.mask_samples);
   Stream mask_stream(seed, std::uint64_t{kMaskStream} << 56);
   Population population(problem, options, scale);
-  Mask mask = mask_from_images(problem.projector, population.measured(), samples, mask_stream);
+  Mask mask = within_support(
+      problem, mask_from_images(problem.projector, population.measured(), samples, mask_stream));
+  if (mask.empty()) return out;
 
   constexpr int kReportEvery = 500;
   bool use_gradient = false;
@@ -78,8 +92,10 @@ Solution solve_ert(const Problem& problem, const ErtOptions& options) {
     if (generation % options.render_every == 0) population.render_anew();
     if (generation > options.ma_start && generation % options.steps == 0) {
       const std::vector<float> best = population.best_field();
-      mask = mask_from_field(use_gradient ? gradient_magnitude(best, problem.projector.grid()) : best,
-                             samples, mask_stream);
+      Mask drawn = within_support(
+          problem, mask_from_field(use_gradient ? gradient_magnitude(best, problem.projector.grid()) : best,
+                                   samples, mask_stream));
+      if (!drawn.empty()) mask = std::move(drawn);
       use_gradient = !use_gradient;
     }
     std::optional<StopReason> reason = monitor.interrupted();

@@ -20,12 +20,11 @@ namespace {
 
 constexpr std::size_t kGrain = 8192;
 
-// 1 / variance. No model is better than a thousandth of the brightest pixel.
+// 1 / variance
 std::vector<float> pixel_weights_of(const Problem& problem, const NoiseModel& noise) {
-  constexpr double kModelError = 1e-3;
   std::vector<float> weights(problem.images.size());
   for (std::size_t p = 0; p < weights.size(); ++p)
-    weights[p] = static_cast<float>(1 / (noise.variance(problem.images[p]) + kModelError * kModelError));
+    weights[p] = static_cast<float>(1 / (noise.variance(problem.images[p]) + kLeastNoise * kLeastNoise));
   return weights;
 }
 
@@ -74,6 +73,7 @@ Solution solve_map(const Problem& problem, const MapOptions& options) {
       }
     });
   }
+  if (draws < options.draws) out.stop_reason = monitor.interrupted().value_or(out.stop_reason);
   if (draws < 2) return out;
   const auto n = static_cast<float>(draws);
   for (std::size_t j = 0; j < sum.size(); ++j)

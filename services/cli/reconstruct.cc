@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "reconstruct/solver.h"
 #include "services/cli/commands.h"
@@ -17,7 +18,7 @@ namespace flamefield {
 namespace {
 
 struct Options {
-  std::filesystem::path projections, rig, out;
+  std::filesystem::path projections, rig, start, out;
   DomainOptions domain;
   RecipeOptions recipe;
   std::uint64_t seed = 1;
@@ -41,23 +42,36 @@ nlohmann::json json_of(const Reconstruction& result) {
           {"peak_rss_mib", peak_rss_mib()},
           {"projector_engine", result.projector_engine},
           {"stop_reason", name_of(result.stop_reason)},
+          {"notes", result.notes},
           {"history", history}};
 }
 
 // Nothing that changes from run to run, so that equal work gives equal files.
 Provenance provenance_of(const Options& options, const Recipe& recipe, const Rig& rig,
                          const Reconstruction& result) {
-  return {{"program", concat("flamefield ", program_version())},
-          {"solver", result.solver},
-          {"recipe", toml_of(recipe)},
-          {"recipe_fingerprint", fingerprint(recipe)},
-          {"rig_fingerprint", fingerprint(rig)},
-          {"projections", options.projections.filename().string()},
-          {"projector_engine", result.projector_engine},
-          {"seed", concat(options.seed)},
-          {"iterations", concat(result.iterations)},
-          {"residual", concat(result.residual)},
-          {"stop_reason", std::string(name_of(result.stop_reason))}};
+  Provenance facts = {{"program", concat("flamefield ", program_version())},
+                      {"solver", result.solver},
+                      {"recipe", toml_of(recipe)},
+                      {"recipe_fingerprint", fingerprint(recipe)},
+                      {"rig_fingerprint", fingerprint(rig)},
+                      {"projections", options.projections.filename().string()},
+                      {"projector_engine", result.projector_engine},
+                      {"seed", concat(options.seed)},
+                      {"iterations", concat(result.iterations)},
+                      {"residual", concat(result.residual)},
+                      {"stop_reason", std::string(name_of(result.stop_reason))}};
+  if (!options.start.empty()) facts["start"] = options.start.filename().string();
+  for (std::size_t i = 0; i < result.notes.size(); ++i) facts[concat("note_", i + 1)] = result.notes[i];
+  return facts;
+}
+
+// The volume of --start. A .npy has no coordinates: it is taken to be on the domain.
+Volume read_start(const std::filesystem::path& path, const Grid& grid) {
+  Volume start = or_fail(read_volume(path));
+  if (path.extension() == ".npy" && start.grid.nx == grid.nx && start.grid.ny == grid.ny &&
+      start.grid.nz == grid.nz)
+    start.grid = grid;
+  return start;
 }
 
 void run(const Options& options, const Session& session) {
@@ -67,18 +81,28 @@ void run(const Options& options, const Session& session) {
   const Rig whole_rig = or_fail(read_rig(options.rig));
   const Projections projections = or_fail(read_projections(options.projections, &whole_rig));
   const Rig rig = or_fail(rig_of_views(whole_rig, projections, options.rig));
+  std::optional<Volume> start;
+  if (!options.start.empty()) start = read_start(options.start, grid);
   session.check_stop();
 
   ProgressBar progress("reconstructing");
   SolveControl control{options.threads, options.time_limit_s, options.seed, session.stop(), {}};
+  if (start) control.start = &*start;
   control.progress = [&](const SolverProgress& p) {
     progress.update(p.iteration, p.max_iterations,
                     concat("iteration ", p.iteration, ", residual ", p.residual));
   };
   const Reconstruction result =
       or_fail_about(options.projections, reconstruct(projections, rig, grid, recipe, control));
-  session.check_stop();
-  or_fail(write_volume(options.out, result.volume, provenance_of(options, recipe, rig, result)));
+  // Also when it was stopped: the best so far, marked by its stop_reason.
+  or_fail(
+      write_volume(options.out, result.volume, provenance_of(options, recipe, rig, result), result.sigma));
+  for (const std::string& note : result.notes) std::cerr << "note: " << note << '\n';
+  if (result.stop_reason == StopReason::Cancelled) {
+    throw CommandFailure{ExitCode::Failed,
+                         concat("stopped by request (after ", result.iterations, " iterations) ",
+                                options.out.string(), " holds the best so far")};
+  }
   if (options.json) {
     std::cout << json_of(result).dump(2) << '\n';
     return;
@@ -100,6 +124,8 @@ void add_reconstruct(CLI::App& app, Session& session) {
   command->add_option("--rig", options->rig, "Cameras: rig.yaml")->required();
   add_domain(*command, options->domain, true);
   add_recipe(*command, options->recipe);
+  command->add_option("--start", options->start,
+                      "Volume to start from, on the same grid, e.g. of the pulse before");
   command->add_option("--seed", options->seed, "Of the stochastic solvers")->capture_default_str();
   command->add_option("--threads", options->threads, "0: all; the result does not depend on it")
       ->check(CLI::Range(0, 1024))

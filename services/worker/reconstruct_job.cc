@@ -88,7 +88,8 @@ class ReconstructJob {
                                                    const PrepareOptions& options);
   Result<Prepared> prepare_inputs(const JobContext& context, Run& run, Lap& lap);
   Result<Reconstruction> solve(const JobContext& context, const Prepared& prepared);
-  Result<> write_files(const JobContext& context, Run& run, const Prepared& prepared, const Volume& volume);
+  Result<> write_files(const JobContext& context, Run& run, const Prepared& prepared,
+                       const Reconstruction& solved);
 
   ReconstructJobOptions options_;
   Team team_;
@@ -181,7 +182,7 @@ Result<Reconstruction> ReconstructJob::solve(const JobContext& context, const Pr
 }
 
 Result<> ReconstructJob::write_files(const JobContext& context, Run& run, const Prepared& prepared,
-                                     const Volume& volume) {
+                                     const Reconstruction& solved) {
   const auto staged = [&](const std::string& path) {
     return options_.data_dir / staged_path(path, context.lease.token);
   };
@@ -189,9 +190,9 @@ Result<> ReconstructJob::write_files(const JobContext& context, Run& run, const 
   std::filesystem::create_directories(options_.data_dir / "volumes", problem);
   const Provenance facts = provenance_of(run);
   if (auto ok = write_projections(staged(run.projections_path), prepared.projections, facts); !ok) return ok;
-  if (auto ok = write_volume(staged(run.volume_path), volume, facts); !ok) return ok;
+  if (auto ok = write_volume(staged(run.volume_path), solved.volume, facts, solved.sigma); !ok) return ok;
   run.volume_bytes = static_cast<std::int64_t>(std::filesystem::file_size(staged(run.volume_path), problem));
-  run.volume_fingerprint = fingerprint_of(volume);
+  run.volume_fingerprint = fingerprint_of(solved.volume);
   return {};
 }
 
@@ -223,11 +224,12 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   run.stop_reason = name_of(solved->stop_reason);
   run.iterations = solved->iterations;
   run.residual = solved->residual;
+  run.provenance.insert(run.provenance.end(), solved->notes.begin(), solved->notes.end());
   run.voxel_updates = solved->voxel_updates;
   for (std::size_t i = 0; i < solved->residual_per_view.size(); ++i)
     run.residual_per_view[prepared->projections.view_names.at(i)] = solved->residual_per_view[i];
   context.progress({.token = 0, .run_id = {}, .stage = "write"});
-  if (auto ok = write_files(context, run, *prepared, solved->volume); !ok) return tl::unexpected(ok.error());
+  if (auto ok = write_files(context, run, *prepared, *solved); !ok) return tl::unexpected(ok.error());
   run.timings.write_s = lap();
   run.finished_time_ns = utc_now_ns();
   return run;

@@ -210,14 +210,46 @@ TEST_F(DeskChain, AFullDiskLeavesNothingBehind) {
   EXPECT_EQ(scratch_->entries(), before);
 }
 
-TEST_F(DeskChain, StopsOnCtrlCWithNothingWritten) {
-  const std::size_t before = scratch_->entries();
+TEST_F(DeskChain, KeepsTheBestSoFarOnCtrlCAndMarksIt) {
   // The program is asked to stop as soon as it reports progress of an endless solve.
   const ProgramResult result =
       shell(scratch_->path(), "timeout -s INT -k 20 1 \"$F\" " + kReconstruct +
                                   "--solver mlem --set mlem.max_iterations=1000000 --out endless.vtkhdf");
   EXPECT_TRUE(contains(result.err, "stopped")) << result.err;
-  EXPECT_EQ(scratch_->entries(), before);
+  EXPECT_TRUE(contains(result.err, "endless.vtkhdf")) << result.err;
+  const auto record = read_volume_record(at("endless.vtkhdf"));
+  ASSERT_TRUE(record) << record.error().message;
+  EXPECT_EQ(record->provenance.at("stop_reason"), "cancelled");
+  EXPECT_GT(*std::ranges::max_element(record->volume.values), 0);
+  std::filesystem::remove(at("endless.vtkhdf"));
+}
+
+TEST_F(DeskChain, StartsFromAnEarlierVolumeOfTheSameGridOnly) {
+  const std::string few = kReconstruct + "--solver sirt --set sirt.max_iterations=";
+  ASSERT_EQ(run(few + "60 --out first.vtkhdf").exit_code, 0);
+  const ProgramResult cold = run(few + "1 --out cold.vtkhdf --json"),
+                      warm = run(few + "1 --start first.vtkhdf --out warm.vtkhdf --json");
+  ASSERT_EQ(warm.exit_code, 0) << warm.err;
+  EXPECT_LT(json_number(warm.out, "residual"), 0.5 * json_number(cold.out, "residual"));
+  EXPECT_EQ(read_volume_record(at("warm.vtkhdf"))->provenance.at("start"), "first.vtkhdf");
+  expect_refused(
+      "reconstruct --projections projections.nxs --rig rig.yaml --size 20,20,20 --spacing-mm 1.4 --solver "
+      "sirt "
+      "--start first.vtkhdf --out bad.vtkhdf",
+      1, {"warm start", "same size"});
+  for (const char* name : {"first.vtkhdf", "cold.vtkhdf", "warm.vtkhdf"}) std::filesystem::remove(at(name));
+}
+
+TEST_F(DeskChain, WritesTheSigmaOfMapBesideTheField) {
+  ASSERT_EQ(run(kReconstruct + "--solver map --set map.draws=4 --set map.max_iterations=20 --out m.vtkhdf")
+                .exit_code,
+            0);
+  const auto record = read_volume_record(at("m.vtkhdf"));
+  ASSERT_TRUE(record) << record.error().message;
+  ASSERT_EQ(record->sigma.size(), record->volume.values.size());
+  EXPECT_GT(*std::ranges::max_element(record->sigma), 0);
+  EXPECT_TRUE(contains(record->provenance.at("note_1"), "weight"));
+  std::filesystem::remove(at("m.vtkhdf"));
 }
 
 TEST_F(DeskChain, KeepsTheBestSoFarWhenTimeRunsOut) {

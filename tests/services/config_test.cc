@@ -2,6 +2,7 @@
 
 #include <sstream>
 
+#include "reconstruct/solver.h"
 #include "services/config/lab_config.h"
 #include "services/config/recipe_file.h"
 #include "services/config/suggestion.h"
@@ -29,6 +30,17 @@ std::string recipe_fault(const std::string& text) {
   overwrite(scratch / "r.toml", text);
   const auto recipe = read_recipe(scratch / "r.toml", small_check);
   return recipe ? "read" : recipe.error().message;
+}
+
+TEST(ShippedRecipes, AreAllValid) {
+  int recipes = 0;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(FLAMEFIELD_TEST_DATA "/../../deploy/recipes")) {
+    const auto recipe = read_recipe(entry.path(), validate_recipe);
+    EXPECT_TRUE(recipe) << recipe.error().message;
+    ++recipes;
+  }
+  EXPECT_GE(recipes, 1);
 }
 
 TEST(RecipeFile, KeepsTypesAndText) {
