@@ -1,6 +1,7 @@
 #include "reconstruct/analytic/ring_geometry.h"
 
 #include <Eigen/QR>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -21,21 +22,36 @@ tl::unexpected<Error> refuse(const Camera& camera, std::string_view fault, std::
 }
 
 // Least-squares circle through the camera centres seen from above (Kasa, IEEE Trans. Instrum. Meas. 25,
-// 1976): 2 c . p + (R^2 - |c|^2) = |p|^2.
+// 1976), 2 c . p + (R^2 - |c|^2) = |p|^2, at the height of most.
 void fit_circle(const std::vector<Camera>& cameras, RingGeometry& ring) {
   const auto n = static_cast<Eigen::Index>(cameras.size());
   Eigen::MatrixX3d a(n, 3);
   Eigen::VectorXd b(n);
-  double height_mm = 0;
+  std::vector<double> heights_mm;
   for (Eigen::Index i = 0; i < n; ++i) {
     const Vector3d p = cameras[static_cast<std::size_t>(i)].centre_mm();
     a.row(i) << 2 * p.x(), 2 * p.z(), 1;
     b[i] = p.x() * p.x() + p.z() * p.z();
-    height_mm += p.y() / static_cast<double>(n);
+    heights_mm.push_back(p.y());
   }
+  const auto middle = heights_mm.begin() + n / 2;
+  std::ranges::nth_element(heights_mm, middle);
   const Vector3d c = a.colPivHouseholderQr().solve(b);
-  ring.centre_mm = {c[0], height_mm, c[1]};
+  ring.centre_mm = {c[0], *middle, c[1]};
   ring.radius_mm = std::sqrt(std::max(0.0, c[2] + c[0] * c[0] + c[1] * c[1]));
+}
+
+// The camera farthest off the circle is to blame, not the first that it has pulled the circle away from.
+Result<> check_radii(const std::vector<Camera>& cameras, const RingGeometry& ring) {
+  const auto radius = [&](const Camera& camera) {
+    const Vector3d offset = camera.centre_mm() - ring.centre_mm;
+    return std::hypot(offset.x(), offset.z());
+  };
+  const auto miss = [&](const Camera& camera) { return std::abs(radius(camera) - ring.radius_mm); };
+  const Camera& worst = *std::ranges::max_element(cameras, {}, miss);
+  if (miss(worst) <= kLengthTolerance * ring.radius_mm) return {};
+  return refuse(worst, concat("stands ", radius(worst), " mm from the axis"),
+                concat("the ring's radius is ", ring.radius_mm, " mm"));
 }
 
 Result<> check_camera(const Camera& camera, const RingGeometry& ring) {
@@ -49,10 +65,6 @@ Result<> check_camera(const Camera& camera, const RingGeometry& ring) {
   if (std::abs(offset.y()) > tolerance_mm)
     return refuse(camera, concat("stands ", offset.y(), " mm off the others' height"),
                   "the ring must be flat");
-  if (const double r = std::hypot(offset.x(), offset.z()); std::abs(r - ring.radius_mm) > tolerance_mm) {
-    return refuse(camera, concat("stands ", r, " mm from the axis"),
-                  concat("the ring's radius is ", ring.radius_mm, " mm"));
-  }
   const Vector3d to_axis = -offset;
   const double miss_mm = to_axis.x() * sight.z() - to_axis.z() * sight.x();
   if (std::abs(miss_mm) > tolerance_mm || to_axis.dot(sight) < 0)
@@ -69,6 +81,7 @@ Result<RingGeometry> ring_geometry(const std::vector<Camera>& cameras) {
   }
   RingGeometry ring;
   fit_circle(cameras, ring);
+  if (auto ok = check_radii(cameras, ring); !ok) return tl::unexpected(ok.error());
   for (const Camera& camera : cameras)
     if (auto ok = check_camera(camera, ring); !ok) return tl::unexpected(ok.error());
 

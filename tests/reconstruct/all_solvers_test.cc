@@ -36,6 +36,7 @@ Recipe short_recipe(std::string_view solver) {
   limit("max_iterations", std::int64_t{15});
   limit("max_generations", std::int64_t{300});
   limit("draws", std::int64_t{3});
+  limit("weight_rule", std::string("fixed"));
   return recipe;
 }
 
@@ -151,7 +152,7 @@ TEST_P(EverySolver, ReturnsTheBestSoFarWhenItIsCancelledInTheMiddle) {
   std::stop_source source;
   Recipe recipe = short_recipe(GetParam());
   for (auto& [key, value] : recipe.settings)
-    if (!key.ends_with("draws")) value = std::int64_t{1000000};
+    if (key.ends_with("iterations") || key.ends_with("generations")) value = std::int64_t{1000000};
   SolveControl control{.stop = source.get_token()};
   control.progress = [&](const SolverProgress& p) {
     if (p.iteration >= 2) source.request_stop();

@@ -48,17 +48,17 @@ Projections ball_images(const Rig& rig, const Eigen::Vector3d& centre_mm, double
 class FdkScan : public testing::TestWithParam<Scan> {};
 
 TEST_P(FdkScan, RecoversABallOffTheAxisFromItsExactProjections) {
-  const Grid grid = centred_grid(32, 32, 32, 1);
+  const Grid grid = centred_grid(20, 20, 20, 1.6);
   const Rig rig = ring_of(GetParam(), grid);
   const Eigen::Vector3d centre(4, 3, -3);
-  const Recipe recipe{"fdk", {{"fdk.window", std::string("ramp")}}};
+  const Recipe recipe{"fdk", {{"fdk.window", std::string("ramp")}, {"projector.memory_budget_mib", 0.0}}};
   const auto out = reconstruct(ball_images(rig, centre, 8), rig, grid, recipe, {});
   ASSERT_TRUE(out) << out.error().message;
   double inside = 0, outside = 0;
   int n_inside = 0, n_outside = 0;
-  for (int z = 0; z < 32; ++z)
-    for (int y = 0; y < 32; ++y)
-      for (int x = 0; x < 32; ++x) {
+  for (int z = 0; z < grid.nz; ++z)
+    for (int y = 0; y < grid.ny; ++y)
+      for (int x = 0; x < grid.nx; ++x) {
         const double d = (grid.voxel_centre_mm(x, y, z) - centre).norm(), value = out->volume.at(x, y, z);
         if (d < 6) inside += value, ++n_inside;
         if (d > 10) outside += value, ++n_outside;
@@ -71,22 +71,24 @@ TEST_P(FdkScan, RecoversABallOffTheAxisFromItsExactProjections) {
 }
 
 TEST_P(FdkScan, RecoversAGaussian) {
-  const Grid grid = centred_grid(32, 32, 32, 1);
+  const Grid grid = centred_grid(20, 20, 20, 1.6);
   const Volume truth = make_phantom({.kind = PhantomKind::Gaussian}, grid);
   const Rig rig = ring_of(GetParam(), grid);
   const Projections images = *render(truth, rig, {.step_voxels = 0.25, .pixel_samples = 2});
+  Team team;
+  const auto projector = *Projector::make(rig, grid, {.pixel_samples = 1, .memory_budget_mib = 0}, team);
   for (const char* window : {"ramp", "shepp-logan", "hann"}) {
-    const auto out = reconstruct(images, rig, grid, {"fdk", {{"fdk.window", std::string(window)}}}, {});
+    const auto out = reconstruct(images, projector, {"fdk", {{"fdk.window", std::string(window)}}}, {});
     ASSERT_TRUE(out) << out.error().message;
     const auto m = compare(truth, out->volume);
     EXPECT_GT(m->pearson, 0.99) << window;
-    EXPECT_LT(m->sqmd, 0.02) << window;
+    EXPECT_LT(m->sqmd, 0.03) << window;
   }
 }
 
 // Half a turn, half a turn and the fan (Parker's weights), three quarters, a whole turn, and that clockwise.
 INSTANTIATE_TEST_SUITE_P(Scans, FdkScan,
-                         testing::Values(Scan{180, 1}, Scan{200, 1}, Scan{270, 1}, Scan{360, 1},
+                         testing::Values(Scan{90, 2}, Scan{100, 2}, Scan{135, 2}, Scan{180, 2},
                                          Scan{180, -2}),
                          [](const auto& tested) {
                            const int turn = static_cast<int>(tested.param.views * tested.param.step_deg);

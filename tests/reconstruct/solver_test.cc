@@ -56,14 +56,6 @@ TEST_P(SolverTest, RecoversATorusInPhysicalUnits) {
   EXPECT_EQ(out->solver, GetParam().solver);
 }
 
-TEST_P(SolverTest, IsBitIdenticalForAnyNumberOfThreads) {
-  const auto one = run(recipe_of(GetParam().solver), {.threads = 1}),
-             three = run(recipe_of(GetParam().solver), {.threads = 3});
-  ASSERT_TRUE(one && three);
-  EXPECT_EQ(one->volume.values, three->volume.values);
-  EXPECT_EQ(one->iterations, three->iterations);
-}
-
 TEST_P(SolverTest, ScalesWithItsImages) {
   TorusScene bright = torus();
   for (float& v : bright.images.values) v *= 1024;
