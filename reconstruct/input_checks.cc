@@ -72,10 +72,17 @@ Result<> check_start(const Volume& start, const Grid& grid) {
 
 std::vector<std::string> notes_about(const Projections& projections) {
   const float brightest = *std::ranges::max_element(projections.values);
+  if (!(brightest > 0)) return {};
+  std::size_t at_top = 0, near_top = 0;
+  for (const float v : projections.values) {
+    if (v == brightest)
+      ++at_top;
+    else if (v >= 0.9f * brightest)
+      ++near_top;
+  }
   constexpr double kShare = 1e-3;
-  const auto at_top = static_cast<std::size_t>(std::ranges::count(projections.values, brightest));
-  if (!(brightest > 0) || at_top < 4 ||
-      static_cast<double>(at_top) < kShare * static_cast<double>(projections.values.size()))
+  if (static_cast<double>(at_top) < kShare * static_cast<double>(projections.values.size()) ||
+      at_top <= near_top)
     return {};
   return {concat(at_top, " pixels share the brightest value ", brightest,
                  ": the images may be saturated, and the field too dim there")};
