@@ -70,8 +70,19 @@ Result<ProjectorCase> projector_case(const std::string& name) {
   return invalid_input(concat("case '", name, "'"), "there is none of this name", "use A, B or C");
 }
 
-Result<ProjectorMeasurement> measure_projector(const ProjectorCase& what, const std::vector<int>& threads,
-                                               double seconds_each,
+std::string name_of(ProjectorModel model) {
+  return model == ProjectorModel::Ray ? "ray" : model == ProjectorModel::Area ? "area" : "trilinear";
+}
+
+Result<ProjectorModel> projector_model(const std::string& name) {
+  for (auto model : {ProjectorModel::Ray, ProjectorModel::Area, ProjectorModel::Trilinear})
+    if (name == name_of(model)) return model;
+  return invalid_input(concat("model '", name, "'"), "there is none of this name",
+                       "use ray, area or trilinear");
+}
+
+Result<ProjectorMeasurement> measure_projector(const ProjectorCase& what, ProjectorModel model,
+                                               const std::vector<int>& threads, double seconds_each,
                                                const std::function<void(const std::string&)>& progress) {
   const Grid grid = centred_grid(what.nx, what.ny, what.nz, kBox_mm / what.nx);
   const auto rig = make_ring({.views = what.views,
@@ -85,7 +96,11 @@ Result<ProjectorMeasurement> measure_projector(const ProjectorCase& what, const 
   ProjectorMeasurement out;
   Team everyone;
   const Stopwatch set_up;
-  const auto projector = Projector::make(*rig, grid, {}, everyone);
+  ProjectorOptions options;
+  options.trilinear = model == ProjectorModel::Trilinear;
+  options.pixel_area = model == ProjectorModel::Area;
+  options.pixel_samples = 1;
+  const auto projector = Projector::make(*rig, grid, options, everyone);
   if (!projector) return tl::unexpected(projector.error());
   out.set_up_wall_s = set_up.wall_s();
   out.engine = projector->engine();

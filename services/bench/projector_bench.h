@@ -38,10 +38,16 @@ struct ProjectorMeasurement {
   double adjoint_mismatch = 0;           // |<Ax, y> - <x, A'y>| / <Ax, y>, random x and y in [0, 1)
 };
 
+// How a pixel sees the volume: along its central ray, as samples are counted and other codes compute; over
+// its area, as `reconstruct` does by default; or traced with the paper's trilinear sampling.
+enum class ProjectorModel { Ray, Area, Trilinear };
+std::string name_of(ProjectorModel model);
+Result<ProjectorModel> projector_model(const std::string& name);
+
 // Memory: one volume and two sets of images beside what the projector keeps. `progress` hears what is
 // measured next.
-Result<ProjectorMeasurement> measure_projector(const ProjectorCase& what, const std::vector<int>& threads,
-                                               double seconds_each,
+Result<ProjectorMeasurement> measure_projector(const ProjectorCase& what, ProjectorModel model,
+                                               const std::vector<int>& threads, double seconds_each,
                                                const std::function<void(const std::string&)>& progress);
 
 }  // namespace flamefield

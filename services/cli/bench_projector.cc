@@ -18,6 +18,7 @@ struct Options {
   std::vector<int> size, image;
   int views = 0;
   std::vector<int> threads;
+  std::vector<std::string> models = {"ray", "area"};
   double seconds = 1;
   bool json = false;
 };
@@ -38,13 +39,25 @@ ProjectorCase case_of(const Options& options) {
   return what;
 }
 
-nlohmann::json json_of(const ProjectorCase& what, const ProjectorMeasurement& m, const MachineLimit& machine,
-                       const SampleLimit& limit) {
+// One model of a pixel with what was measured of it.
+struct Measured {
+  ProjectorModel model;
+  ProjectorMeasurement figures;
+
+  double forward_cpu_s() const { return least(&ProjectorTiming::forward_cpu_s); }
+  double adjoint_cpu_s() const { return least(&ProjectorTiming::adjoint_cpu_s); }
+
+ private:
+  double least(double ProjectorTiming::*time) const {
+    double out = INFINITY;
+    for (const ProjectorTiming& t : figures.timings) out = std::min(out, t.*time);
+    return out;
+  }
+};
+
+nlohmann::json json_of(const Measured& m) {
   nlohmann::json timings = nlohmann::json::array();
-  double forward = INFINITY, adjoint = INFINITY;
-  for (const ProjectorTiming& t : m.timings) {
-    forward = std::min(forward, t.forward_cpu_s);
-    adjoint = std::min(adjoint, t.adjoint_cpu_s);
+  for (const ProjectorTiming& t : m.figures.timings) {
     timings.push_back({{"threads", t.threads},
                        {"repetitions", t.repetitions},
                        {"forward_cpu_s", t.forward_cpu_s},
@@ -52,64 +65,83 @@ nlohmann::json json_of(const ProjectorCase& what, const ProjectorMeasurement& m,
                        {"adjoint_cpu_s", t.adjoint_cpu_s},
                        {"adjoint_wall_s", t.adjoint_wall_s}});
   }
-  const double rate = what.samples() / forward;
+  return {{"model", name_of(m.model)},
+          {"engine", m.figures.engine},
+          {"set_up_wall_s", m.figures.set_up_wall_s},
+          {"adjoint_mismatch", m.figures.adjoint_mismatch},
+          {"by_threads", timings}};
+}
+
+// The figures that stand alone are those of the first model.
+nlohmann::json json_of(const ProjectorCase& what, const std::vector<Measured>& all,
+                       const MachineLimit& machine, const SampleLimit& limit) {
+  const Measured& first = all.front();
+  nlohmann::json models = nlohmann::json::array();
+  for (const Measured& m : all) models.push_back(json_of(m));
+  const double rate = what.samples() / first.forward_cpu_s();
   return {{"case", what.name},
           {"views", what.views},
           {"image", {what.cols, what.rows}},
           {"volume", {what.nx, what.ny, what.nz}},
-          {"engine", m.engine},
+          {"engine", first.figures.engine},
           {"samples", what.samples()},
-          {"set_up_wall_s", m.set_up_wall_s},
-          {"forward_cpu_s", forward},
-          {"adjoint_cpu_s", adjoint},
-          {"adjoint_mismatch", m.adjoint_mismatch},
+          {"forward_cpu_s", first.forward_cpu_s()},
+          {"adjoint_cpu_s", first.adjoint_cpu_s()},
+          {"adjoint_mismatch", first.figures.adjoint_mismatch},
           {"samples_per_cpu_s", rate},
-          {"adjoint_samples_per_cpu_s", what.samples() / adjoint},
+          {"adjoint_samples_per_cpu_s", what.samples() / first.adjoint_cpu_s()},
           {"limit_samples_per_cpu_s", limit.samples_per_cpu_s},
           {"limit_bound_by", limit.bound_by},
           {"share_of_limit", rate / limit.samples_per_cpu_s},
           {"vectors", machine.vectors},
           {"peak_rss_mib", peak_rss_mib()},
-          {"by_threads", timings}};
+          {"by_model", models}};
 }
 
-void print(const ProjectorCase& what, const ProjectorMeasurement& m, const MachineLimit& machine,
+void print(const ProjectorCase& what, const std::vector<Measured>& all, const MachineLimit& machine,
            const SampleLimit& limit) {
-  std::printf("case %s: %d views of %d x %d px, %d x %d x %d voxels, %.3g samples; %s\n\n", what.name.c_str(),
-              what.views, what.cols, what.rows, what.nx, what.ny, what.nz, what.samples(), m.engine.c_str());
-  TextTable table({"threads", "forward (CPU-s)", "(wall s)", "adjoint (CPU-s)", "(wall s)",
-                   "forward (samples/CPU-s)", "of the limit (%)"});
-  for (const ProjectorTiming& t : m.timings) {
-    const double rate = what.samples() / t.forward_cpu_s;
-    table.add({concat(t.threads), short_number(t.forward_cpu_s), short_number(t.forward_wall_s),
-               short_number(t.adjoint_cpu_s), short_number(t.adjoint_wall_s), short_number(rate),
-               short_number(100 * rate / limit.samples_per_cpu_s)});
-  }
+  std::printf("case %s: %d views of %d x %d px, %d x %d x %d voxels, %.3g samples\n\n", what.name.c_str(),
+              what.views, what.cols, what.rows, what.nx, what.ny, what.nz, what.samples());
+  TextTable table({"pixel", "threads", "forward (CPU-s)", "(wall s)", "adjoint (CPU-s)", "(wall s)",
+                   "forward (samples/CPU-s)", "of the limit (%)", "adjoint mismatch (1)", "set-up (s)"});
+  for (const Measured& m : all)
+    for (const ProjectorTiming& t : m.figures.timings) {
+      const double rate = what.samples() / t.forward_cpu_s;
+      table.add({name_of(m.model), concat(t.threads), short_number(t.forward_cpu_s),
+                 short_number(t.forward_wall_s), short_number(t.adjoint_cpu_s),
+                 short_number(t.adjoint_wall_s), short_number(rate),
+                 short_number(100 * rate / limit.samples_per_cpu_s), short_number(m.figures.adjoint_mismatch),
+                 short_number(m.figures.set_up_wall_s)});
+    }
   std::cout << table.text();
   std::printf(
-      "\nadjoint mismatch  %.2g   |<Ax,y> - <x,A'y>| / <Ax,y>\n"
-      "limit             %.3g samples/CPU-s, set by %s (%s: %.3g multiply-adds/s; loads of %.3g floats/s "
-      "from cache, %.3g from memory)\n"
-      "peak memory       %.0f MiB\nset-up            %.3g s\n",
-      m.adjoint_mismatch, limit.samples_per_cpu_s, limit.bound_by.c_str(), machine.vectors.c_str(),
-      machine.fma_per_s, machine.cached_floats_per_s, machine.memory_floats_per_s, peak_rss_mib(),
-      m.set_up_wall_s);
+      "\nlimit        %.3g samples/CPU-s, set by %s (%s: %.3g multiply-adds/s; loads of %.3g floats/s from "
+      "cache, %.3g from memory)\npeak memory  %.0f MiB\n"
+      "pixel ray: its central ray; area: averaged over the pixel, the default of reconstruct\n",
+      limit.samples_per_cpu_s, limit.bound_by.c_str(), machine.vectors.c_str(), machine.fma_per_s,
+      machine.cached_floats_per_s, machine.memory_floats_per_s, peak_rss_mib());
 }
 
 void run_projector(const Options& options, const Session& session) {
   const ProjectorCase what = case_of(options);
+  std::vector<ProjectorModel> models;
+  for (const std::string& name : options.models) models.push_back(or_usage(projector_model(name)));
   BenchProgress progress("bench projector", session);
   progress("the machine's limit");
   const MachineLimit machine = measure_machine();
-  const ProjectorMeasurement m =
-      or_fail(measure_projector(what, options.threads.empty() ? one_and_all() : options.threads,
-                                options.seconds, [&](const std::string& step) { progress(step); }));
+  std::vector<Measured> all;
+  for (ProjectorModel model : models) {
+    all.push_back(
+        {model, or_fail(measure_projector(
+                    what, model, options.threads.empty() ? one_and_all() : options.threads, options.seconds,
+                    [&](const std::string& step) { progress(concat(name_of(model), ", ", step)); }))});
+  }
   const double floats = double(what.nx) * what.ny * what.nz + double(what.views) * what.rows * what.cols;
   const SampleLimit limit = sample_limit(machine, what.samples(), floats);
   if (options.json) {
-    std::cout << json_of(what, m, machine, limit).dump(2) << '\n';
+    std::cout << json_of(what, all, machine, limit).dump(2) << '\n';
   } else {
-    print(what, m, machine, limit);
+    print(what, all, machine, limit);
   }
 }
 
@@ -127,6 +159,9 @@ void add_bench_projector(CLI::App& group, Session& session) {
       ->expected(3);
   command->add_option("--image", options->image, "Other images: W,H")->delimiter(',')->expected(2);
   command->add_option("--views", options->views, "Other number of views")->check(CLI::Range(1, 1000));
+  command->add_option("--model", options->models, "What a pixel sees: ray, area, trilinear")
+      ->delimiter(',')
+      ->capture_default_str();
   command->add_option("--threads", options->threads, "Numbers to measure with; default 1 and all")
       ->delimiter(',')
       ->check(CLI::Range(1, 1024));

@@ -45,7 +45,8 @@ class Scaling {
     progress_(concat(what.nx, "^3, ", what.views, " views, ", threads, " threads",
                      row.skipped.empty() ? "" : ": skipped, " + row.skipped));
     if (row.skipped.empty()) {
-      const auto m = or_fail(measure_projector(what, {threads}, options_.seconds, [](const std::string&) {}));
+      const auto m = or_fail(measure_projector(what, ProjectorModel::Ray, {threads}, options_.seconds,
+                                               [](const std::string&) {}));
       row.timing = m.timings.front();
       row.engine = m.engine;
       slowest_cpu_s_per_sample_ = (row.timing.forward_cpu_s + row.timing.adjoint_cpu_s) / what.samples();
