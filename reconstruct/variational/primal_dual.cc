@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "proto/check.h"
 
@@ -9,9 +10,10 @@ namespace flamefield {
 
 namespace {
 
-// Primal against dual step length. The theory allows any; with 2 the flames of the tests settle in the
-// fewest iterations.
-constexpr double kBalance = 2;
+// Primal against dual step length, for h x in image units, times the voxels along a ray: the field of a
+// bright pixel is thinner the longer its ray. The theory allows any; with this one the flames of the tests
+// settle in the fewest iterations.
+constexpr double kBalance = 120;
 constexpr float kUnmet = 1e-6f;  // mm; a ray or voxel with a smaller sum is not met
 constexpr std::size_t kGrain = 8192;
 
@@ -30,7 +32,8 @@ PrimalDual::PrimalDual(const Problem& problem)
       dual_(layout_.pixels()),
       descent_(layout_.voxels()),
       x_(layout_.voxels()),
-      x_bar_(layout_.voxels()) {
+      x_bar_(layout_.voxels()),
+      next_bar_(layout_.voxels()) {
   const Grid& grid = problem.projector.grid();
   const std::size_t pixels =
       problem.projector.views() * std::size_t(layout_.rows) * std::size_t(layout_.cols);
@@ -44,6 +47,12 @@ PrimalDual::PrimalDual(const Problem& problem)
     if (!problem.support.empty() && !problem.support[j]) column_[j] = 0;
   }
   pixels_per_voxel_ = met > 0 ? sum / met / h_mm_ : 1;
+  double length = 0, rays = 0;
+  for (const float r : row_) {
+    length += static_cast<double>(r);
+    rays += r > kUnmet ? 1 : 0;
+  }
+  balance_ = length > 0 ? kBalance * h_mm_ * rays / length : 1;
   std::ranges::copy(start_of(problem), x_.data());
   for (std::size_t j = 0; j < column_.size(); ++j)
     if (!(column_[j] > kUnmet)) x_.data()[j] = 0;
@@ -54,8 +63,8 @@ PrimalDual::PrimalDual(const Problem& problem)
 
 void PrimalDual::set_weights(const PriorWeights& weights) {
   weights_ = weights;
-  const auto prepare = [&](std::vector<GuardedVolume>& dual, double weight, std::size_t fields) {
-    if (weight > 0 && dual.empty()) dual.assign(fields, GuardedVolume(layout_.voxels()));
+  const auto prepare = [&](Differences::Dual& dual, double weight, std::size_t fields) {
+    if (weight > 0 && dual.empty()) dual = differences_.make_dual(fields);
     if (!(weight > 0)) dual.clear();
   };
   prepare(gradient_dual_, weights.variation, Differences::kGradient);
@@ -65,22 +74,29 @@ void PrimalDual::set_weights(const PriorWeights& weights) {
   if (weights.hessian > 0) prior += differences_.hessian_column();
   for (std::size_t j = 0; j < step_.size(); ++j) {
     const float c = column_[j];
-    step_[j] = c > kUnmet ? static_cast<float>(kBalance / (static_cast<double>(c) + h_mm_ * prior)) : 0.0f;
+    step_[j] =
+        c > kUnmet ? static_cast<float>(balance_ / (h_mm_ * (static_cast<double>(c) + h_mm_ * prior))) : 0.0f;
   }
 }
 
 void PrimalDual::iterate() {
   ascend_data();
   problem_.projector.adjoint(problem_.team, dual_, descent_);
-  if (!gradient_dual_.empty())
-    differences_.ascend_gradient(problem_.team, x_bar_,
-                                 static_cast<float>(1 / (kBalance * differences_.gradient_row())),
-                                 static_cast<float>(weights_.variation), gradient_dual_);
-  if (!hessian_dual_.empty())
-    differences_.ascend_hessian(problem_.team, x_bar_,
-                                static_cast<float>(1 / (kBalance * differences_.hessian_row())),
-                                static_cast<float>(weights_.hessian), hessian_dual_);
-  descend();
+  const Differences::Ascent gradient = {gradient_dual_,
+                                        static_cast<float>(h_mm_ / (balance_ * differences_.gradient_row())),
+                                        static_cast<float>(weights_.variation)};
+  const Differences::Ascent hessian = {hessian_dual_,
+                                       static_cast<float>(h_mm_ / (balance_ * differences_.hessian_row())),
+                                       static_cast<float>(weights_.hessian)};
+  differences_.iterate(problem_.team, x_bar_, gradient, hessian,
+                       {.h = static_cast<float>(h_mm_),
+                        .sparsity = static_cast<float>(weights_.sparsity),
+                        .floor = problem_.non_negative ? 0.0f : -INFINITY,
+                        .data = descent_.data(),
+                        .step = step_.data(),
+                        .x = x_.data(),
+                        .bar = next_bar_.data()});
+  std::swap(x_bar_, next_bar_);
   project_forward();
 }
 
@@ -88,35 +104,13 @@ void PrimalDual::iterate() {
 // s n)
 void PrimalDual::ascend_data() {
   problem_.team.run_ranges(dual_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
-    const auto n = static_cast<float>(pixels_per_voxel_), balance = static_cast<float>(kBalance);
+    const auto n = static_cast<float>(pixels_per_voxel_), balance = static_cast<float>(balance_ / h_mm_);
     const float *row = row_.data(), *bar = ax_bar_.data(), *b = problem_.images.data();
     float* dual = dual_.data();
     for (std::size_t p = begin; p < end; ++p) {
-      // With s = 1 / (balance row), both sides of the fraction multiplied by balance row.
+      // With s = h / (balance_ row), both sides of the fraction divided by s.
       const float r = balance * row[p];
       dual[p] = row[p] > kUnmet ? (r * dual[p] + bar[p] - b[p]) / (r + n) : 0.0f;
-    }
-  });
-}
-
-void PrimalDual::descend() {
-  const auto h = static_cast<float>(h_mm_), sparsity = static_cast<float>(weights_.sparsity);
-  const float floor = problem_.non_negative ? 0.0f : -INFINITY;
-  const std::size_t slab = static_cast<std::size_t>(layout_.nx) * layout_.column;
-  problem_.team.run(static_cast<std::size_t>(layout_.nz), [&](std::size_t z) {
-    std::vector<float> prior(slab, sparsity);
-    if (!gradient_dual_.empty())
-      differences_.add_gradient_adjoint(static_cast<int>(z), gradient_dual_, prior.data());
-    if (!hessian_dual_.empty())
-      differences_.add_hessian_adjoint(static_cast<int>(z), hessian_dual_, prior.data());
-    float *x = x_.data() + z * slab, *bar = x_bar_.data() + z * slab;
-    const float *data = descent_.data() + z * slab, *step = step_.data() + z * slab;
-#pragma GCC ivdep
-    for (std::size_t j = 0; j < slab; ++j) {
-      const float moved = x[j] - step[j] * (data[j] + h * prior[j]);
-      const float next = moved > floor ? moved : floor;
-      bar[j] = 2 * next - x[j];
-      x[j] = next;
     }
   });
 }
@@ -141,20 +135,17 @@ void PrimalDual::project_forward() {
 // With f(z) = 1/(2n) |z - b|^2, f*(y) = n/2 |y|^2 + y.b, the dual objective is -f*(y) for any y and any p in
 // the balls with r = A^T y + h (D^T p + sparsity) >= 0 where x may be positive. The iterates violate this a
 // little; y + d 1 with d = max(-r / column sum) does not.
-DualityGap PrimalDual::gap() const {
+DualityGap PrimalDual::gap() {
+  differences_.adjoint(problem_.team, gradient_dual_, hessian_dual_, next_bar_);
   const std::size_t slab = static_cast<std::size_t>(layout_.nx) * layout_.column;
   std::vector<double> lifts(static_cast<std::size_t>(layout_.nz), 0), totals(lifts.size(), 0);
   problem_.team.run(lifts.size(), [&](std::size_t z) {
-    std::vector<float> prior(slab, static_cast<float>(weights_.sparsity));
-    if (!gradient_dual_.empty())
-      differences_.add_gradient_adjoint(static_cast<int>(z), gradient_dual_, prior.data());
-    if (!hessian_dual_.empty())
-      differences_.add_hessian_adjoint(static_cast<int>(z), hessian_dual_, prior.data());
     for (std::size_t j = 0; j < slab; ++j) {
       const std::size_t at = z * slab + j;
       totals[z] += static_cast<double>(x_.data()[at]);
       if (!(column_[at] > kUnmet)) continue;
-      const double r = static_cast<double>(descent_[at]) + h_mm_ * static_cast<double>(prior[j]);
+      const double r = static_cast<double>(descent_[at]) +
+                       h_mm_ * (static_cast<double>(next_bar_.data()[at]) + weights_.sparsity);
       lifts[z] = std::max(lifts[z], -r / static_cast<double>(column_[at]));
     }
   });

@@ -48,11 +48,10 @@ class PrimalDual {
 
   // Costs less than an iteration. The dual variable is made feasible by a constant added to all pixels, so
   // that the gap is finite at any time; it is infinite when x may be negative.
-  DualityGap gap() const;
+  DualityGap gap();
 
  private:
   void ascend_data();
-  void descend();
   void project_forward();  // from x_bar_: A x_bar, A x and the residual
 
   const Problem& problem_;
@@ -61,12 +60,13 @@ class PrimalDual {
   PriorWeights weights_;
   double h_mm_ = 1;
   double pixels_per_voxel_ = 1;
+  double balance_ = 1;                     // of the step lengths
   std::vector<float> row_, column_;        // sums of A
   std::vector<float> step_;                // of the primal, per voxel; 0 where x stays 0
   std::vector<float> ax_, ax_bar_, dual_;  // packed images
   std::vector<float> descent_;             // A^T dual, packed volume
-  GuardedVolume x_, x_bar_;
-  std::vector<GuardedVolume> gradient_dual_, hessian_dual_;  // empty: that prior is off
+  GuardedVolume x_, x_bar_, next_bar_;
+  Differences::Dual gradient_dual_, hessian_dual_;  // empty: that prior is off
   double residual_square_ = 0;
 };
 

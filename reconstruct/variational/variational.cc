@@ -32,25 +32,14 @@ PriorWeights given_weights(const VariationalOptions& o) {
   return {.variation = o.variation_share * o.weight, .hessian = o.weight};
 }
 
-// rms over all pixels of the noise that the recipe gives; 0: it gives none
-double known_noise(const Problem& problem, double pixels) {
-  if (!problem.noise.is_known()) return 0;
-  double square = 0;
-  for (const float b : problem.images) square += static_cast<double>(b) * static_cast<double>(b);
-  const double relative = expected_residual(problem.noise, problem.images, problem.projector.layout());
-  return relative * std::sqrt(square / pixels);
-}
-
 }  // namespace
 
 Solution solve_variational(const Problem& problem, const VariationalOptions& options) {
-  const Layout& layout = problem.projector.layout();
   const bool searches = options.weight <= 0;
   PrimalDual state(problem);
-  WeightSearch search(problem,
-                      options.prior == VariationalOptions::Prior::Variation ? WeightSearch::Kind::Variation
-                                                                            : WeightSearch::Kind::Adaptive,
-                      known_noise(problem, static_cast<double>(layout.views) * layout.rows * layout.cols));
+  WeightSearch search(problem, options.prior == VariationalOptions::Prior::Variation
+                                   ? WeightSearch::Kind::Variation
+                                   : WeightSearch::Kind::Adaptive);
   const auto set_weights = [&](PriorWeights weights) {
     weights.sparsity = options.sparsity;
     state.set_weights(weights);
@@ -68,7 +57,7 @@ Solution solve_variational(const Problem& problem, const VariationalOptions& opt
     out.iterations = iteration;
     const bool searching = searches && iteration <= options.search_iterations;
     if (searching && iteration >= kFirstSearch && iteration % kSearchEvery == 0) {
-      search.update(problem, state);
+      search.update(state);
       set_weights(search.weights());
     }
     const double residual = norm > 0 ? std::sqrt(state.residual_square() / norm) : 0;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include <cmath>
+#include <limits>
 
 #include "reconstruct/variational/primal_dual.h"
 
@@ -8,12 +8,9 @@ namespace flamefield {
 
 // Finds the priors' weights while the primal-dual iteration runs.
 //
-// Size: a weight is right when what the field leaves unexplained is noise. Noise from pixel to pixel is
-// white, so the residual must then be as large as its own finest detail says (residual_size); a field that is
-// too smooth leaves structure behind, whose residual is larger than that. No noise level needs to be known,
-// and fine structure of the flame does not count as noise. To this comes a floor for what voxels cannot
-// model. When the noise level is given, it takes the place of the fine detail (Morozov's discrepancy
-// principle).
+// Size: Morozov's discrepancy principle. A weight is right when the field leaves as much of the images
+// unexplained as there is noise in them (noise_level(), or the recipe's noise model), and a floor for what
+// voxels cannot model.
 //
 // Kind: bodies of one brightness want the gradient's norm small, flames the Hessian's. (sum x)(sum x^3) /
 // (sum x^2)^2 is 1 for a field of two values, 0 and one other, and more for all others (Cauchy and Schwarz);
@@ -22,24 +19,22 @@ class WeightSearch {
  public:
   enum class Kind { Variation, Adaptive };
 
-  // known_noise: rms over all pixels, 0 when not known
-  WeightSearch(const Problem& problem, Kind kind, double known_noise);
+  WeightSearch(const Problem& problem, Kind kind);
 
   PriorWeights weights() const;
+  double aim() const { return aim_; }  // rms of the residual over all pixels
 
   // Compares the state of the iteration with the aim and changes the weights.
-  void update(const Problem& problem, const PrimalDual& state);
+  void update(const PrimalDual& state);
 
  private:
   Kind kind_;
-  double known_noise_;
-  double lowest_, highest_;
-  double weight_;
+  double pixels_, aim_, usual_, weight_;
   double variation_share_ = 0;
-  double last_rms_ = INFINITY;
+  double last_rms_ = std::numeric_limits<double>::infinity();
 };
 
 // (sum x)(sum x^3) / (sum x^2)^2 of a non-negative field; 1 for a dark one.
-double two_valuedness(const GuardedVolume& x);
+double two_valuedness(std::span<const float> x);
 
 }  // namespace flamefield

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+namespace flamefield {
+
+// The inner loops of the priors, each over one slab z of a packed volume. Pointers are to the first voxel of
+// a guarded volume.
+struct PriorShape {
+  int nx = 0, nz = 0;
+  std::size_t column = 0;            // floats
+  std::array<float, 3> scale = {};   // of a first difference along x, y, z
+  const float* below_top = nullptr;  // per y, from -1 on: 1 where voxels y and y + 1 exist, else 0
+  const float* zeros = nullptr;      // a guarded column of zeros
+};
+
+using GradientDual = std::array<float*, 3>;  // x, y, z
+using HessianDual = std::array<float*, 6>;   // xx, yy, zz, sqrt(2) times xy, xz, yz
+
+// dual <- onto the ball of radius `weight`( dual + step * D x )
+void ascend_gradient(const PriorShape& shape, int z, const float* x, float step, float weight,
+                     const GradientDual& dual);
+void ascend_hessian(const PriorShape& shape, int z, const float* x, float step, float weight,
+                    const HessianDual& dual);
+
+// Sums of |D x| over the slab.
+double gradient_norm(const PriorShape& shape, int z, const float* x);
+double hessian_norm(const PriorShape& shape, int z, const float* x);
+
+// The adjoints of both operators, added up; an operator without a dual (null) is off.
+struct PriorDuals {
+  const GradientDual* gradient = nullptr;
+  const HessianDual* hessian = nullptr;
+};
+
+// out <- D^T dual, this slab only
+void apply_adjoint(const PriorShape& shape, int z, const PriorDuals& duals, float* out);
+
+struct PrimalStep {
+  float h = 0, sparsity = 0, floor = 0;
+  const float* data = nullptr;  // A^T y
+  const float* step = nullptr;
+  float* x = nullptr;
+  float* bar = nullptr;
+};
+
+// next = max(x - step (data + h (D^T dual + sparsity)), floor); bar <- 2 next - x; x <- next
+void descend(const PriorShape& shape, int z, const PriorDuals& duals, const PrimalStep& step);
+
+}  // namespace flamefield
