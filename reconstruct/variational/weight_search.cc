@@ -10,7 +10,8 @@ namespace flamefield {
 namespace {
 
 // Found on phantoms and simulated flames with 0 to 5 % noise.
-constexpr double kModelError = 0.004;        // rms, share of the brightest pixel: what voxels cannot model
+constexpr double kModelError = 0.004;        // rms, share of the brightest pixel, of what voxels cannot model
+constexpr double kEdgeError = 0.004;         // likewise, more where edges are sharp
 constexpr double kUnfitted = 0.98;           // share of the noise that a field of the right weight leaves
 constexpr double kUsualHessian = 0.05;       // first guess of the weight, times the aim
 constexpr double kUsualVariation = 0.15;     // likewise
@@ -34,8 +35,8 @@ double noise_rms(const Problem& problem, double pixels) {
 WeightSearch::WeightSearch(const Problem& problem, Kind kind) : kind_(kind) {
   const Layout& layout = problem.projector.layout();
   pixels_ = static_cast<double>(layout.views) * layout.rows * layout.cols;
-  aim_ = std::hypot(kUnfitted * noise_rms(problem, pixels_), kModelError);
-  usual_ = (kind == Kind::Variation ? kUsualVariation : kUsualHessian) * aim_;
+  noise_ = kUnfitted * noise_rms(problem, pixels_);
+  usual_ = (kind == Kind::Variation ? kUsualVariation : kUsualHessian) * std::hypot(noise_, kModelError);
   weight_ = usual_;
 }
 
@@ -46,14 +47,16 @@ PriorWeights WeightSearch::weights() const {
 
 void WeightSearch::update(const PrimalDual& state) {
   const double rms = std::sqrt(state.residual_square() / pixels_);
-  double step = rms > 0 ? -2 * kGain * std::log(rms / aim_) : kLargestStep;
+  const double m = two_valuedness(state.field().span());
+  const double sharpness = std::clamp((kRich - m) / (kRich - kFlat), 0.0, 1.0);
+  variation_share_ = kLargestShare * sharpness;
+  const double aim = std::hypot(noise_, kModelError + sharpness * kEdgeError);
+  double step = rms > 0 ? -2 * kGain * std::log(rms / aim) : kLargestStep;
   // A residual that still falls says more about the iteration than about the weight.
   if (rms < (1 - kSettling) * last_rms_) step = std::max(step, 0.0);
   last_rms_ = rms;
   weight_ *= std::exp(std::clamp(step, -kLargestStep, kLargestStep));
   weight_ = std::clamp(weight_, usual_ / kRange, usual_ * kRange);
-  const double m = two_valuedness(state.field().span());
-  variation_share_ = kLargestShare * std::clamp((kRich - m) / (kRich - kFlat), 0.0, 1.0);
 }
 
 double two_valuedness(std::span<const float> x) {

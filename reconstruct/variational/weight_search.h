@@ -22,14 +22,13 @@ class WeightSearch {
   WeightSearch(const Problem& problem, Kind kind);
 
   PriorWeights weights() const;
-  double aim() const { return aim_; }  // rms of the residual over all pixels
 
   // Compares the state of the iteration with the aim and changes the weights.
   void update(const PrimalDual& state);
 
  private:
   Kind kind_;
-  double pixels_, aim_, usual_, weight_;
+  double pixels_, noise_, usual_, weight_;
   double variation_share_ = 0;
   double last_rms_ = std::numeric_limits<double>::infinity();
 };

@@ -111,7 +111,7 @@ TEST_P(EverySolver, StaysAtASolutionThatItStartsFrom) {
   const auto warm = run(scene(), shorter, {.start = &solved->volume}), cold = run(scene(), shorter);
   ASSERT_TRUE(warm && cold);
   const double moved = relative_distance(warm->volume.values, solved->volume.values);
-  EXPECT_LT(moved, 0.05);
+  EXPECT_LT(moved, 0.1);  // primal-dual solvers find their dual variables anew
   // A regularised solver may arrive within three iterations from anywhere, as its search for a weight solves
   // too.
   EXPECT_LE(moved, 1.01 * relative_distance(cold->volume.values, solved->volume.values) + 1e-3);
