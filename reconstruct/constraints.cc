@@ -2,6 +2,8 @@
 
 #include <array>
 
+#include "reconstruct/vectors.h"
+
 namespace flamefield {
 
 std::vector<SettingField> fields_of(Constraints& o) {
@@ -13,8 +15,8 @@ std::vector<SettingField> fields_of(Constraints& o) {
 std::vector<std::uint8_t> visual_hull(const Projector& projector, std::span<const float> images,
                                       double threshold, Team& team) {
   const Layout& layout = projector.layout();
-  std::vector<float> ones(layout.pixels(), 1), lit(layout.pixels()), seen(layout.voxels()),
-      seen_lit(layout.voxels());
+  const std::vector<float> ones = even_images(layout);
+  std::vector<float> lit(layout.pixels()), seen(layout.voxels()), seen_lit(layout.voxels());
   for (std::size_t p = 0; p < lit.size(); ++p)
     lit[p] = static_cast<double>(images[p]) > threshold ? 1.0f : 0.0f;
   std::vector<std::uint8_t> hull(layout.voxels(), 0);

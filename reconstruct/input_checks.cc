@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "reconstruct/vectors.h"
+
 namespace flamefield {
 
 Result<> check_views(const Projections& p, const Projector& projector) {
@@ -38,7 +40,7 @@ Result<> check_views(const Projections& p, const Projector& projector) {
 Result<> check_sight(const Projector& projector, Team& team) {
   const Layout& layout = projector.layout();
   std::vector<float> images(layout.pixels());
-  projector.forward(team, std::vector<float>(layout.voxels(), 1), images);
+  projector.forward(team, even_volume(layout), images);
   for (std::size_t v = 0; v < projector.views(); ++v) {
     const auto view = std::span(images).subspan(v * layout.pixels_per_view(), layout.pixels_per_view());
     if (std::ranges::any_of(view, [](float length_mm) { return length_mm > 0; })) continue;

@@ -42,7 +42,7 @@ class ColumnSums {
   ColumnSums(const Problem& problem, std::span<const std::vector<std::size_t>> subsets)
       : problem_(problem),
         subsets_(subsets),
-        ones_(problem.projector.layout().pixels(), 1),
+        ones_(even_images(problem.projector.layout())),
         sums_(problem.projector.layout().voxels()) {
     constexpr std::size_t kKeptVoxels = std::size_t{1} << 26;  // 256 MiB
     if (subsets.size() > 1 && subsets.size() * sums_.size() <= kKeptVoxels) kept_.resize(subsets.size());
@@ -130,7 +130,7 @@ Solution sweep(const Problem& whole, const SweepOptions& options, std::vector<fl
 std::vector<float> positive_start(const Problem& problem) {
   constexpr float kFaint = 1e-4f;  // of the even field
   const Layout& layout = problem.projector.layout();
-  std::vector<float> x(layout.voxels(), 1), images(layout.pixels());
+  std::vector<float> x = even_volume(layout), images(layout.pixels());
   problem.projector.forward(problem.team, x, images);
   double sum_b = 0, sum_a = 0;
   for (std::size_t p = 0; p < images.size(); ++p) {

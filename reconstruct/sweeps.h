@@ -22,6 +22,10 @@ std::vector<SettingField> fields_of(SweepOptions& options, Subsets subsets);
 // mm; a column or ray whose sum is not longer tells nothing.
 inline constexpr float kUnmet = 1e-6f;
 
+// Rays and voxels that are only grazed have small sums, and noise divided by them is a bright speck: no
+// divisor is smaller than this share of the largest. A shorter step does not move the solution.
+inline constexpr float kLeastShare = 0.02f;
+
 struct SweepSteps {
   // Pixels [begin, end): turns Ax in `images` into what is back-projected; returns the sum of (b - Ax)^2.
   std::function<double(std::size_t begin, std::size_t end, std::span<float> images)> compare;

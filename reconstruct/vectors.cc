@@ -1,7 +1,5 @@
 #include "reconstruct/vectors.h"
 
-#include <vector>
-
 #include "proto/check.h"
 
 namespace flamefield {
@@ -21,6 +19,18 @@ double dot(Team& team, std::span<const float> a, std::span<const float> b) {
   double total = 0;
   for (double sum : sums) total += sum;
   return total;
+}
+
+std::vector<float> even_volume(const Layout& l) {
+  const auto voxels =
+      static_cast<std::size_t>(l.nx) * static_cast<std::size_t>(l.ny) * static_cast<std::size_t>(l.nz);
+  return l.pack_volume(std::vector<float>(voxels, 1));
+}
+
+std::vector<float> even_images(const Layout& l) {
+  const auto pixels =
+      static_cast<std::size_t>(l.views) * static_cast<std::size_t>(l.rows) * static_cast<std::size_t>(l.cols);
+  return l.pack_images(std::vector<float>(pixels, 1));
 }
 
 void add_scaled(Team& team, double factor, std::span<const float> x, std::span<float> y) {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
+#include "reconstruct/layout.h"
 #include "reconstruct/parallel.h"
 
 namespace flamefield {
@@ -11,6 +13,10 @@ double dot(Team& team, std::span<const float> a, std::span<const float> b);
 inline double squared_norm(Team& team, std::span<const float> a) {
   return dot(team, a, a);
 }
+
+// Ones, packed; the padding is zero.
+std::vector<float> even_volume(const Layout& layout);
+std::vector<float> even_images(const Layout& layout);
 
 // y += factor x
 void add_scaled(Team& team, double factor, std::span<const float> x, std::span<float> y);

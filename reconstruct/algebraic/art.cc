@@ -36,21 +36,28 @@ std::vector<std::uint32_t> ray_order(std::size_t views, std::size_t pixels_per_v
 
 namespace {
 
+// |a_i|^2 of every row, none smaller than a share of the largest; 0 where nothing is met.
+std::vector<float> row_norms(const RowTable& table) {
+  std::vector<float> norms(table.rows(), 0);
+  for (std::size_t pixel = 0; pixel < norms.size(); ++pixel)
+    for (const RowTable::Entry& e : table.row(pixel)) norms[pixel] += e.weight * e.weight;
+  const float least = kLeastShare * *std::ranges::max_element(norms);
+  for (float& norm : norms) norm = norm > 0 ? std::max(norm, least) : 0;
+  return norms;
+}
+
 // One sweep; returns the sum of (b - Ax)^2, each ray's before its own correction.
-double sweep_rays(const RowTable& table, std::span<const std::uint32_t> order, std::span<const float> b,
-                  float relaxation, float lowest, std::span<float> x) {
+double sweep_rays(const RowTable& table, std::span<const float> norms, std::span<const std::uint32_t> order,
+                  std::span<const float> b, float relaxation, float lowest, std::span<float> x) {
   double squares = 0;
   for (const std::uint32_t pixel : order) {
     const auto row = table.row(pixel);
-    float ax = 0, norm = 0;
-    for (const RowTable::Entry& e : row) {
-      ax += e.weight * x[e.voxel];
-      norm += e.weight * e.weight;
-    }
+    float ax = 0;
+    for (const RowTable::Entry& e : row) ax += e.weight * x[e.voxel];
     const float d = b[pixel] - ax;
     squares += static_cast<double>(d) * d;
-    if (!(norm > 0)) continue;
-    const float step = relaxation * d / norm;
+    if (!(norms[pixel] > 0)) continue;
+    const float step = relaxation * d / norms[pixel];
     for (const RowTable::Entry& e : row) x[e.voxel] = std::max(lowest, x[e.voxel] + step * e.weight);
   }
   return squares;
@@ -63,6 +70,7 @@ Result<Solution> solve_art(const Problem& problem, const ArtOptions& options) {
   const auto table = RowTable::make(projector, problem.support, options.memory_budget_mib, problem.team);
   if (!table) return tl::unexpected(table.error());
   const std::vector<float> b = projector.layout().unpack_images(problem.images);
+  const std::vector<float> norms = row_norms(*table);
   const auto order = ray_order(projector.views(), b.size() / projector.views());
   const double norm = std::inner_product(b.begin(), b.end(), b.begin(), 0.0);
 
@@ -73,7 +81,7 @@ Result<Solution> solve_art(const Problem& problem, const ArtOptions& options) {
   const float lowest = problem.non_negative ? 0.0f : -INFINITY;
   for (int iteration = 1;; ++iteration) {
     const double squares =
-        sweep_rays(*table, order, b, static_cast<float>(options.relaxation), lowest, out.volume);
+        sweep_rays(*table, norms, order, b, static_cast<float>(options.relaxation), lowest, out.volume);
     if (options.smoothing > 0) {
       smooth(out.volume, scratch, projector.layout(), options.smoothing, problem.team);
       constrain(problem, out.volume);

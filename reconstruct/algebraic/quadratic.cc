@@ -97,7 +97,7 @@ double weighted_squares(const Quadratic& q, std::span<const float> r, std::span<
 
 double normal_scale(const Problem& problem, std::span<const float> pixel_weights) {
   const Layout& layout = problem.projector.layout();
-  std::vector<float> x(layout.voxels(), 1), images(layout.pixels());
+  std::vector<float> x = even_volume(layout), images(layout.pixels());
   problem.projector.forward(problem.team, x, images);
   multiply(problem.team, pixel_weights, images);
   problem.projector.adjoint(problem.team, images, x);

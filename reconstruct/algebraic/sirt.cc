@@ -1,5 +1,9 @@
 #include "reconstruct/algebraic/sirt.h"
 
+#include <algorithm>
+
+#include "reconstruct/vectors.h"
+
 namespace flamefield {
 
 namespace {
@@ -22,7 +26,12 @@ std::vector<SettingField> os_sart_fields(SirtOptions& o) {
 Solution solve_sirt(const Problem& problem, const SirtOptions& options) {
   const Layout& layout = problem.projector.layout();
   std::vector<float> row_sums(layout.pixels());
-  problem.projector.forward(problem.team, std::vector<float>(layout.voxels(), 1), row_sums);
+  problem.projector.forward(problem.team, even_volume(layout), row_sums);
+  const float least_row = kLeastShare * *std::ranges::max_element(row_sums);
+  std::vector<float> column_sums(layout.voxels());
+  problem.projector.adjoint(problem.team, even_images(layout), column_sums);
+  const float most = *std::ranges::max_element(column_sums) / static_cast<float>(options.sweeps.subsets);
+  const float least_column = std::max(kUnmet, kLeastShare * most);
   const auto relaxation = static_cast<float>(options.relaxation);
 
   SweepSteps steps;
@@ -31,13 +40,13 @@ Solution solve_sirt(const Problem& problem, const SirtOptions& options) {
     for (std::size_t p = begin; p < end; ++p) {
       const float d = problem.images[p] - images[p];
       squares += static_cast<double>(d) * d;
-      images[p] = row_sums[p] > kUnmet ? d / row_sums[p] : 0;
+      images[p] = row_sums[p] > kUnmet ? d / std::max(row_sums[p], least_row) : 0;
     }
     return squares;
   };
   steps.correct = [&](std::size_t begin, std::size_t end, std::span<const float> back,
                       std::span<const float> sums, std::span<float> x) {
-    for (std::size_t j = begin; j < end; ++j) x[j] += sums[j] > kUnmet ? relaxation * back[j] / sums[j] : 0;
+    for (std::size_t j = begin; j < end; ++j) x[j] += relaxation * back[j] / std::max(sums[j], least_column);
   };
   return sweep(problem, options.sweeps, start_of(problem), steps);
 }
