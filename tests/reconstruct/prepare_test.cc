@@ -172,6 +172,34 @@ TEST(Prepare, SaturatedPixelsAreCountedWhereTheyAreUsed) {
   EXPECT_NE(out->provenance[0].find("cam01 2"), std::string::npos) << out->provenance[0];
 }
 
+TEST(Prepare, HotPixelsAreRepairedAndDoNotCountAsSaturated) {
+  Bench bench;
+  const auto sound = bench.prepared({.counts_per_unit = kCounts});
+  MeanImages flame{bench.flame};
+  for (auto& [camera, image] : flame.images)
+    for (int y = 3; y < 160; y += 29)
+      for (int x = 5; x < 220; x += 37) {
+        image.at(x, y) = 255;  // they flicker: subtraction alone does not remove them
+        flame.saturated[camera].push_back(static_cast<std::uint32_t>(y * 220 + x));
+      }
+  const auto out = prepare(flame, bench.references(), bench.rig, bench.grid, {.counts_per_unit = kCounts});
+  ASSERT_TRUE(sound && out);
+  EXPECT_EQ(out->saturated, (std::vector<std::size_t>{0, 0, 0}));
+  for (std::size_t v = 0; v < 3; ++v)
+    EXPECT_LT(agreement(out->projections.view(v), sound->projections.view(v)).error, 0.01);
+}
+
+TEST(Prepare, ADomainOfOneLayerAndADarkFlameAreNoSpecialCases) {
+  Bench bench;
+  for (auto& [camera, image] : bench.flame) image = bench.background.at(camera);
+  for (const Grid& grid : {centred_grid(20, 1, 20, 2), centred_grid(1, 22, 1, 2)}) {
+    const auto out = prepare({bench.flame}, bench.references(), bench.rig, grid, {});
+    ASSERT_TRUE(out.has_value()) << out.error().message;
+    EXPECT_GT(out->projections.rows, 0);
+    for (float v : out->projections.values) EXPECT_EQ(v, 0);
+  }
+}
+
 TEST(Prepare, EqualViewsUndoTheGainsOfCameras) {
   Bench bench;
   const auto before = prepare({bench.flame}, {}, bench.rig, bench.grid, {.equal_views = true});
