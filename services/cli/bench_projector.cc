@@ -74,7 +74,7 @@ nlohmann::json json_of(const Measured& m) {
 
 // The figures that stand alone are those of the first model.
 nlohmann::json json_of(const ProjectorCase& what, const std::vector<Measured>& all,
-                       const MachineLimit& machine, const SampleLimit& limit) {
+                       const MachineLimit& machine, const SampleLimit& limit, double peak_mib) {
   const Measured& first = all.front();
   nlohmann::json models = nlohmann::json::array();
   for (const Measured& m : all) models.push_back(json_of(m));
@@ -94,12 +94,12 @@ nlohmann::json json_of(const ProjectorCase& what, const std::vector<Measured>& a
           {"limit_bound_by", limit.bound_by},
           {"share_of_limit", rate / limit.samples_per_cpu_s},
           {"vectors", machine.vectors},
-          {"peak_rss_mib", peak_rss_mib()},
+          {"peak_rss_mib", peak_mib},
           {"by_model", models}};
 }
 
 void print(const ProjectorCase& what, const std::vector<Measured>& all, const MachineLimit& machine,
-           const SampleLimit& limit) {
+           const SampleLimit& limit, double peak_mib) {
   std::printf("case %s: %d views of %d x %d px, %d x %d x %d voxels, %.3g samples\n\n", what.name.c_str(),
               what.views, what.cols, what.rows, what.nx, what.ny, what.nz, what.samples());
   TextTable table({"pixel", "threads", "forward (CPU-s)", "(wall s)", "adjoint (CPU-s)", "(wall s)",
@@ -119,7 +119,7 @@ void print(const ProjectorCase& what, const std::vector<Measured>& all, const Ma
       "cache, %.3g from memory)\npeak memory  %.0f MiB\n"
       "pixel ray: its central ray; area: averaged over the pixel, the default of reconstruct\n",
       limit.samples_per_cpu_s, limit.bound_by.c_str(), machine.vectors.c_str(), machine.fma_per_s,
-      machine.cached_floats_per_s, machine.memory_floats_per_s, peak_rss_mib());
+      machine.cached_floats_per_s, machine.memory_floats_per_s, peak_mib);
 }
 
 void run_projector(const Options& options, const Session& session) {
@@ -127,8 +127,6 @@ void run_projector(const Options& options, const Session& session) {
   std::vector<ProjectorModel> models;
   for (const std::string& name : options.models) models.push_back(or_usage(projector_model(name)));
   BenchProgress progress("bench projector", session);
-  progress("the machine's limit");
-  const MachineLimit machine = measure_machine();
   std::vector<Measured> all;
   for (ProjectorModel model : models) {
     all.push_back(
@@ -136,12 +134,15 @@ void run_projector(const Options& options, const Session& session) {
                     what, model, options.threads.empty() ? one_and_all() : options.threads, options.seconds,
                     [&](const std::string& step) { progress(concat(name_of(model), ", ", step)); }))});
   }
+  const double peak_mib = peak_rss_mib();  // the limit needs memory of its own
+  progress("the machine's limit");
+  const MachineLimit machine = measure_machine();
   const double floats = double(what.nx) * what.ny * what.nz + double(what.views) * what.rows * what.cols;
   const SampleLimit limit = sample_limit(machine, what.samples(), floats);
   if (options.json) {
-    std::cout << json_of(what, all, machine, limit).dump(2) << '\n';
+    std::cout << json_of(what, all, machine, limit, peak_mib).dump(2) << '\n';
   } else {
-    print(what, all, machine, limit);
+    print(what, all, machine, limit, peak_mib);
   }
 }
 
