@@ -18,12 +18,15 @@ constexpr double kDeg = std::numbers::pi / 180;
 struct Scan {
   int views;
   double step_deg;
+  double radius = 8;  // in widths of the domain; a small one has a wide fan
 };
 
 Rig ring_of(const Scan& scan, const Grid& grid) {
   return *make_ring({.views = scan.views,
                      .spacing_rad = scan.step_deg * kDeg,
-                     .radius_mm = 8.0 * grid.nx * grid.spacing_mm.x()},
+                     .radius_mm = scan.radius * grid.nx * grid.spacing_mm.x(),
+                     .image_width_px = scan.radius < 8 ? 2 * grid.nx : grid.nx,
+                     .image_height_px = scan.radius < 8 ? 2 * grid.ny : grid.ny},
                     grid);
 }
 
@@ -67,14 +70,26 @@ TEST_P(FdkScan, RecoversABallOffTheAxisFromItsExactProjections) {
         }
       }
   EXPECT_NEAR(inside / n_inside, 1, 0.02);
-  EXPECT_NEAR(outside / n_outside, 0, 0.01);
+  EXPECT_NEAR(outside / n_outside, 0, 0.012);
 }
 
-TEST_P(FdkScan, RecoversAGaussian) {
+// By number, step and radius: half a turn, half a turn and the fan (Parker's weights), three quarters, a
+// whole turn, and that clockwise.
+INSTANTIATE_TEST_SUITE_P(Scans, FdkScan,
+                         testing::Values(Scan{90, 2}, Scan{100, 2}, Scan{135, 2}, Scan{180, 2}, Scan{180, -2},
+                                         Scan{125, 2, 1.5}, Scan{125, -2, 1.5}),
+                         [](const auto& tested) {
+                           const int turn = static_cast<int>(tested.param.views * tested.param.step_deg);
+                           return std::string(turn < 0 ? "clockwise" : "over") + "_" +
+                                  std::to_string(std::abs(turn)) + "_deg" +
+                                  (tested.param.radius < 8 ? "_wide" : "");
+                         });
+
+TEST(Fdk, RecoversAGaussianWithEveryWindow) {
   const Grid grid = centred_grid(20, 20, 20, 1.6);
   const Volume truth = make_phantom({.kind = PhantomKind::Gaussian}, grid);
-  const Rig rig = ring_of(GetParam(), grid);
-  const Projections images = *render(truth, rig, {.step_voxels = 0.25, .pixel_samples = 2});
+  const Rig rig = ring_of({90, 2}, grid);
+  const Projections images = *render(truth, rig, {.pixel_samples = 2});
   Team team;
   const auto projector = *Projector::make(rig, grid, {.pixel_samples = 1, .memory_budget_mib = 0}, team);
   for (const char* window : {"ramp", "shepp-logan", "hann"}) {
@@ -82,18 +97,9 @@ TEST_P(FdkScan, RecoversAGaussian) {
     ASSERT_TRUE(out) << out.error().message;
     const auto m = compare(truth, out->volume);
     EXPECT_GT(m->pearson, 0.99) << window;
-    EXPECT_LT(m->sqmd, 0.03) << window;
+    EXPECT_LT(m->sqmd, 0.04) << window;
   }
 }
-
-// Half a turn, half a turn and the fan (Parker's weights), three quarters, a whole turn, and that clockwise.
-INSTANTIATE_TEST_SUITE_P(Scans, FdkScan,
-                         testing::Values(Scan{90, 2}, Scan{100, 2}, Scan{135, 2}, Scan{180, 2},
-                                         Scan{180, -2}),
-                         [](const auto& tested) {
-                           const int turn = static_cast<int>(tested.param.views * tested.param.step_deg);
-                           return turn < 0 ? "clockwise" : "over_" + std::to_string(turn) + "_deg";
-                         });
 
 TEST(RingGeometry, FindsCentreRadiusAndStep) {
   Grid grid = centred_grid(20, 20, 20, 1);
