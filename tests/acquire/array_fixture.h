@@ -12,6 +12,7 @@
 
 #include "acquire/camera_array.h"
 #include "acquire/simulator/simulated_array.h"
+#include "tests/support/slowdown.h"
 
 namespace flamefield {
 
@@ -140,8 +141,8 @@ class CameraArrayTest : public ::testing::Test {
     const auto started = array_->start({.capture = "test", .pulses = pulses}, collector.handler());
     EXPECT_TRUE(started) << (started ? "" : started.error().message);
     if (!started) return {};
-    simulated_->generator().start(rate_hz, pulses);
-    EXPECT_TRUE(array_->wait_done(std::chrono::seconds(20)));
+    simulated_->generator().start(rate_hz / testing_support::kSlowdown, pulses);
+    EXPECT_TRUE(array_->wait_done(testing_support::kSlowdown * std::chrono::seconds(20)));
     report_ = array_->stop();
     std::vector<FrameSet> sets = collector.take();
     expect_balanced(report_, sets);

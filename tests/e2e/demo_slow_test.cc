@@ -6,6 +6,7 @@
 #include "services/ledger/reader.h"
 #include "services/store/rig_file.h"
 #include "tests/e2e/installation.h"
+#include "tests/support/slowdown.h"
 
 namespace flamefield {
 namespace {
@@ -13,8 +14,9 @@ namespace {
 class Demo : public testing::Test {
  protected:
   ProgramResult demo(const std::string& more = {}) const {
-    return run_flamefield(scratch_.path(), "demo --out out --pulses 4 --poses 12 --port 0 --first-address " +
-                                               unused_loopback_address() + " " + more);
+    return run_flamefield(scratch_.path(), concat("demo --out out --pulses 4 --poses 12 --port 0 --rate-hz ",
+                                                  5.0 / testing_support::kSlowdown, " --first-address ",
+                                                  unused_loopback_address(), " ", more));
   }
   nlohmann::json summary() const {
     return nlohmann::json::parse(*read_text_file(scratch_ / "out/summary.json"));

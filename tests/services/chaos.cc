@@ -148,7 +148,7 @@ void Battlefield::fight(unsigned seed) {
       victim = start_worker();  // the old one is killed on the way out
     }
   }
-  EXPECT_TRUE(sender_->drain(30s)) << sender_->last_refusal();
+  EXPECT_TRUE(sender_->drain(kSlowdown * 30s)) << sender_->last_refusal();
   PutCapture end{"burst", CaptureKind::Burst, 1, 2, options_.sets, {}};
   for (const Camera& camera : lab_.rig.cameras) end.cameras.push_back(camera.name);
   insist(end);

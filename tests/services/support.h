@@ -10,13 +10,14 @@
 #include "proto/codec.h"
 #include "proto/message.h"
 #include "tests/support/scratch.h"
+#include "tests/support/slowdown.h"
 
 // Small things that the tests of the bus, spool, ledger, dispatcher and worker share.
 namespace flamefield::testing_support {
 
 inline bool eventually(const std::function<bool()>& holds,
                        std::chrono::milliseconds deadline = std::chrono::seconds(10)) {
-  const auto end = std::chrono::steady_clock::now() + deadline;
+  const auto end = std::chrono::steady_clock::now() + kSlowdown * deadline;
   while (!holds()) {
     if (std::chrono::steady_clock::now() > end) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
