@@ -47,8 +47,8 @@ void Editor::set(std::size_t voxel, float value) {
     edited_.genes.insert(gene, {static_cast<std::uint32_t>(voxel), value});
   }
   if (!update_images_) return;
-  projector_.column(voxel, column_);
-  for (const ColumnEntry& entry : column_) edited_.images[entry.pixel] += change * scale_ * entry.weight;
+  for (const ColumnEntry& entry : columns_.of(voxel, column_))
+    edited_.images[entry.pixel] += change * scale_ * entry.weight;
 }
 
 Editor::Neighbours Editor::neighbours(std::size_t voxel) const {

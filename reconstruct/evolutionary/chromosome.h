@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "reconstruct/projector.h"
+#include "reconstruct/evolutionary/column_table.h"
 
 namespace flamefield {
 
@@ -29,15 +29,15 @@ struct Chromosome {
 class Editor {
  public:
   // voxel_scale: what a voxel value of 1 stands for in A's volume.
-  Editor(const Projector& projector, float voxel_scale, std::span<const float> base, Chromosome& chromosome,
+  Editor(const ColumnTable& columns, float voxel_scale, std::span<const float> base, Chromosome& chromosome,
          bool update_images)
-      : projector_(projector),
+      : columns_(columns),
         scale_(voxel_scale),
         base_(base),
         edited_(chromosome),
         update_images_(update_images) {}
 
-  const Grid& grid() const { return projector_.grid(); }
+  const Grid& grid() const { return columns_.grid(); }
   float value(std::size_t voxel) const;
   void set(std::size_t voxel, float value);
 
@@ -49,7 +49,7 @@ class Editor {
   Neighbours neighbours(std::size_t voxel) const;
 
  private:
-  const Projector& projector_;
+  const ColumnTable& columns_;
   float scale_;
   std::span<const float> base_;
   Chromosome& edited_;

@@ -32,6 +32,8 @@ std::vector<SettingField> ert_fields(ErtOptions& o) {
       {"ma_start", "", 0, 2e9, "generation from which the mask follows the best", &o.ma_start},
       {"steps", "", 1, 2e9, "generations between new masks", &o.steps},
       {"render_every", "", 1, 2e9, "generations between full renderings", &o.render_every},
+      {"columns_budget_mib", "MiB", 0, 1e9, "columns of A that need more are worked out at every use",
+       &o.columns_budget_mib},
       {"incremental", "", 0, 1, "derive images from the parents'; false renders all, slowly",
        &o.incremental}};
 }

@@ -34,6 +34,7 @@ struct ErtOptions {
   int steps = 1000;     // generations between new masks
 
   int render_every = 5000;  // generations between full renderings that remove rounding
+  double columns_budget_mib = 2048;
   bool incremental = true;  // images follow from the parents'; false: every offspring is rendered
 };
 std::vector<SettingField> ert_fields(ErtOptions& options);

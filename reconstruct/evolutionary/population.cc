@@ -9,6 +9,7 @@ Population::Population(const Problem& problem, const ErtOptions& options, float 
     : problem_(problem),
       options_(options),
       voxel_scale_(voxel_scale),
+      columns_(problem.projector, options.columns_budget_mib, problem.team),
       measured_(problem.projector.layout().unpack_images(problem.images)),
       base_(problem.projector.grid().voxels(), 0) {
   Chromosome dark;
@@ -33,7 +34,7 @@ void Population::make_offspring(std::size_t i, const Mask& mask, double sigma, S
   const std::size_t father =
       options_.weak_elitism ? stream.below(members_.size()) : roulette(relative_, stream);
   average(members_[mother], members_[father], base_, child);
-  Editor editor(problem_.projector, voxel_scale_, base_, child, options_.incremental);
+  Editor editor(columns_, voxel_scale_, base_, child, options_.incremental);
   const double r1 = stream.uniform(), r2 = stream.uniform(), r3 = stream.uniform();
   if (r1 < options_.mutation_rate) mutate(editor, mask, options_.mutation_intensity, sigma, stream);
   if (r2 < options_.annihilation_rate) annihilate(editor, mask, options_.annihilation_intensity, stream);
@@ -74,8 +75,7 @@ double Population::render_anew() {
     if (i != best_) {
       member.images = best.images;
       for (const Gene& gene : member.genes) {
-        problem_.projector.column(gene.voxel, column);
-        for (const ColumnEntry& e : column)
+        for (const ColumnEntry& e : columns_.of(gene.voxel, column))
           member.images[e.pixel] += (gene.value - base_[gene.voxel]) * voxel_scale_ * e.weight;
       }
     }

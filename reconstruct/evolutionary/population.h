@@ -36,6 +36,7 @@ class Population {
   const Problem& problem_;
   const ErtOptions& options_;
   float voxel_scale_;
+  ColumnTable columns_;
   std::vector<float> measured_;  // b, (views, rows, cols): evolution works on unpacked arrays
   std::vector<float> base_;      // the field of the best
   std::vector<Chromosome> members_, offspring_;

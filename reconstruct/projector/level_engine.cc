@@ -166,9 +166,10 @@ void LevelEngine::column(std::size_t voxel, std::vector<ColumnEntry>& entries) c
   const int x = static_cast<int>(voxel % nx), y = static_cast<int>(voxel / nx % ny),
             z = static_cast<int>(voxel / nx / ny);
   LevelView::Strips strips;
-  for (std::size_t v = 0; v < views_.size(); ++v)
-    for (int col = 0; col < layout_.cols; ++col) {
-      const LevelView& view = views_[v];
+  for (std::size_t v = 0; v < views_.size(); ++v) {
+    const LevelView& view = views_[v];
+    const LevelView::Run near = view.near(x, z);
+    for (int col = near.begin; col < near.end; ++col) {
       const bool along_z = view.along_z(col);
       const int plane = along_z ? z : x, other = along_z ? x : z;
       view.strips_of_column(col, plane, 1, strips);
@@ -190,6 +191,7 @@ void LevelEngine::column(std::size_t voxel, std::vector<ColumnEntry>& entries) c
                                lengths_[line(v, col) + static_cast<std::size_t>(up)]});
       }
     }
+  }
 }
 
 std::string LevelEngine::name() const {

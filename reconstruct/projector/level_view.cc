@@ -18,6 +18,12 @@ bool is_level(const Camera& camera, double tolerance_px) {
 
 LevelView::LevelView(const Camera& camera, const Grid& grid, const PixelModel& model)
     : model_(model),
+      origin_mm_(grid.origin_mm),
+      spacing_mm_(grid.spacing_mm),
+      right_(camera.camera_from_world.rotation.row(0)),
+      forward_(camera.camera_from_world.rotation.row(2)),
+      centre_mm_(camera.centre_mm()),
+      axis_px_(camera.cx_px),
       focal_px_(static_cast<float>(camera.fx_px)),
       focal_up_px_(camera.fy_px),
       axis_up_(camera.image_height_px - 1 - camera.cy_px),
@@ -125,6 +131,27 @@ void LevelView::average(int count, Strips& out) const {
     std::fill(px, px + count, half_px(0));
   }
   for (int i = 0; i < count; ++i) half[i] *= 2 * px[i];
+}
+
+LevelView::Run LevelView::near(int x, int z) const {
+  double low = cols(), high = -1;
+  // A voxel reaches one spacing to each side, the average over a pixel some more; half a voxel beyond the
+  // faces.
+  const double reach = 1.5 + largest_half_;
+  for (const double dx : {-reach, reach})
+    for (const double dz : {-reach, reach}) {
+      Eigen::Vector3d at = origin_mm_ - centre_mm_;
+      at.x() += (x + dx) * spacing_mm_.x();
+      at.z() += (z + dz) * spacing_mm_.z();
+      const double depth = std::max(1e-3, forward_.dot(at));
+      const double col = axis_px_ + focal_px_ * right_.dot(at) / depth;
+      low = std::min(low, col);
+      high = std::max(high, col);
+    }
+  const auto inside = [&](double col) {
+    return static_cast<int>(std::clamp(col, 0.0, static_cast<double>(cols())));
+  };
+  return {inside(std::floor(low)), inside(std::ceil(high) + 1)};
 }
 
 float LevelView::length_mm(int col, int up) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <vector>
 
 #include "proto/camera.h"
@@ -48,6 +49,9 @@ class LevelView {
   double height() const { return height_; }    // of the camera's centre above voxel row 0, voxels
   double axis_up() const { return axis_up_; }  // of the principal point above the bottom row, px
 
+  // Pixel columns that may see voxel column (x, z), a few to spare.
+  Run near(int x, int z) const;
+
   // Length of the line of sight of pixel `up` (from the bottom) between two planes, mm.
   float length_mm(int col, int up) const;
 
@@ -68,6 +72,8 @@ class LevelView {
   void note_extremes(std::size_t col, int planes, int others);
 
   PixelModel model_;
+  Eigen::Vector3d origin_mm_, spacing_mm_, right_, forward_, centre_mm_;
+  double axis_px_;
   float focal_px_;
   double focal_up_px_, axis_up_, height_;
   std::vector<std::uint8_t> along_z_;

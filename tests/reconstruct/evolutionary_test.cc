@@ -24,6 +24,7 @@ struct Scene {
   Projections images = *render(truth, rig, {});
   Team team{2};
   Projector projector = *Projector::make(rig, grid, {}, team);
+  ColumnTable columns{projector, 100, team};
   SolveControl control;
   std::vector<float> packed = projector.layout().pack_images(images.values);
   Problem problem{projector, packed, control, team};
@@ -106,13 +107,29 @@ TEST(Mask, TheGradientOfALinearFieldIsItsSlope) {
   for (const float g : gradient_magnitude(field, grid)) EXPECT_NEAR(g, 3, 1e-5);
 }
 
+TEST(ColumnTable, GivesTheSameEntriesStoredOrNot) {
+  Scene scene;
+  const ColumnTable anew(scene.projector, 0, scene.team);
+  EXPECT_TRUE(scene.columns.is_stored());
+  EXPECT_FALSE(anew.is_stored());
+  std::vector<ColumnEntry> a, b;
+  for (std::size_t voxel = 0; voxel < scene.grid.voxels(); voxel += 13) {
+    const auto stored = scene.columns.of(voxel, a), fresh = anew.of(voxel, b);
+    ASSERT_EQ(stored.size(), fresh.size());
+    for (std::size_t i = 0; i < stored.size(); ++i) {
+      EXPECT_EQ(stored[i].pixel, fresh[i].pixel);
+      EXPECT_EQ(stored[i].weight, fresh[i].weight);
+    }
+  }
+}
+
 TEST(Chromosome, EditsChangeImagesAsARenderingWould) {
   Scene scene;
   std::vector<float> base = random_values(scene.grid.voxels(), 4);
   Chromosome c;
   c.images = scene.rendered(base);
   for (float& v : c.images) v *= 3;
-  Editor editor(scene.projector, 3, base, c, true);
+  Editor editor(scene.columns, 3, base, c, true);
   Stream stream(9, 0);
   const Mask mask = scene.mask();
   for (int i = 0; i < 20; ++i) {
@@ -132,7 +149,7 @@ TEST(Chromosome, TheFilterHasThePapersWeights) {
   std::vector<float> base(scene.grid.voxels(), 0);
   base[scene.grid.index(5, 5, 5)] = 1;
   Chromosome c;
-  Editor editor(scene.projector, 1, base, c, false);
+  Editor editor(scene.columns, 1, base, c, false);
   Stream stream(1, 0);
   filter(editor, {static_cast<std::uint32_t>(scene.grid.index(5, 5, 5))}, 1, stream);
   EXPECT_FLOAT_EQ(editor.value(scene.grid.index(5, 5, 5)), 0.5f);
@@ -148,7 +165,7 @@ TEST(Chromosome, CrossoverIsTheVoxelWiseMeanWhateverTheBase) {
   const Mask mask = scene.mask();
   for (std::size_t i = 0; i < 3; ++i) {
     parents[i].images = scene.rendered(base);
-    Editor editor(scene.projector, 1, base, parents[i], true);
+    Editor editor(scene.columns, 1, base, parents[i], true);
     Stream stream(i, 0);
     mutate(editor, mask, 50, 0.5, stream);
   }
