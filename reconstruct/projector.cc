@@ -23,6 +23,12 @@ Result<> check(const Rig& rig, const Grid& grid, const ProjectorOptions& o) {
                                 ", memory_budget_mib=", o.memory_budget_mib),
                          "ranges are 1..8, (0, 1] and >= 0", "check table [projector] of the recipe");
   }
+  if (!(o.f_number >= 0) || !(o.focus_distance_mm >= 0) || (o.f_number > 0 && !(o.focal_length_mm > 0))) {
+    return invalid_input(concat("projector: f_number=", o.f_number, ", focal_length_mm=", o.focal_length_mm,
+                                ", focus_distance_mm=", o.focus_distance_mm),
+                         "an aperture needs the focal length of its lens, and none may be negative",
+                         "set projector.focal_length_mm, or f_number=0 for a pinhole");
+  }
   const Camera& first = rig.cameras.front();
   double pixels = 0;
   for (const Camera& c : rig.cameras) {
@@ -41,18 +47,31 @@ Result<> check(const Rig& rig, const Grid& grid, const ProjectorOptions& o) {
   return {};
 }
 
+Lens lens_of(const Camera& camera, const Grid& grid, const ProjectorOptions& options) {
+  if (options.f_number <= 0) return {};
+  const Eigen::Vector3d centre = 0.5 * (grid.lower_mm() + grid.upper_mm());
+  const double focus_mm =
+      options.focus_distance_mm > 0 ? options.focus_distance_mm : (camera.camera_from_world * centre).z();
+  return {options.focal_length_mm / options.f_number, focus_mm};
+}
+
 // The level projector, directly or behind a rectification; none when the cameras do not allow either.
 std::shared_ptr<const ProjectorEngine> fast_engine(const Rig& rig, const Grid& grid, const Layout& layout,
                                                    const ProjectorOptions& options) {
-  const PixelModel model{.area = options.pixel_area};
+  std::vector<PixelModel> models;
+  for (const Camera& c : rig.cameras) {
+    const Lens lens = lens_of(c, grid, options);
+    models.push_back(
+        {.area = options.pixel_area, .aperture_mm = lens.aperture_mm, .focus_mm = lens.focus_mm});
+  }
   if (std::ranges::all_of(rig.cameras, [](const Camera& c) { return is_level(c); })) {
     std::vector<LevelView> views;
-    for (const Camera& c : rig.cameras) views.emplace_back(c, grid, model);
+    for (std::size_t v = 0; v < models.size(); ++v) views.emplace_back(rig.cameras[v], grid, models[v]);
     if (!LevelEngine::obstacle(views).empty()) return nullptr;
     return std::make_shared<LevelEngine>(std::move(views), layout);
   }
-  if (!RectifiedEngine::obstacle(rig, grid, model).empty()) return nullptr;
-  return std::make_shared<RectifiedEngine>(rig, grid, layout, model);
+  if (!RectifiedEngine::obstacle(rig, grid, models).empty()) return nullptr;
+  return std::make_shared<RectifiedEngine>(rig, grid, layout, models);
 }
 
 }  // namespace
@@ -70,6 +89,12 @@ Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const Projec
   std::iota(out.all_views_.begin(), out.all_views_.end(), std::size_t{0});
   if (!options.trilinear) {
     if ((out.engine_ = fast_engine(rig, grid, out.layout_, options))) return out;
+  }
+  if (options.f_number > 0) {
+    return invalid_input(
+        concat("projector: f_number=", options.f_number),
+        "the ray tracer, which was asked for or is all that can serve these cameras, has pinholes",
+        "set projector.f_number=0, or trilinear=false with pixels of at most 4 voxels, blur included");
   }
   const double budget_bytes = options.memory_budget_mib * 1048576;
   if (StoredMatrix::estimated_bytes(rig, grid, options, team) <= budget_bytes) {

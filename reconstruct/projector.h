@@ -15,10 +15,13 @@
 namespace flamefield {
 
 struct ProjectorOptions {
-  bool trilinear = false;    // the paper's ray tracer (Eq. 1) instead of the level-camera projector
-  bool pixel_area = true;    // level: a pixel averages over its area; false: one central ray
-  int pixel_samples = 2;     // trilinear: k x k rays a pixel
-  double step_voxels = 0.5;  // trilinear: ds, in units of the smallest voxel side
+  bool trilinear = false;        // the paper's ray tracer (Eq. 1) instead of the level-camera projector
+  double f_number = 0;           // of the lens: blurs what is out of focus; 0: pinhole
+  double focal_length_mm = 0;    // of the lens, needed with f_number
+  double focus_distance_mm = 0;  // in focus; 0: the centre of the volume
+  bool pixel_area = true;        // level: a pixel averages over its area; false: one central ray
+  int pixel_samples = 2;         // trilinear: k x k rays a pixel
+  double step_voxels = 0.5;      // trilinear: ds, in units of the smallest voxel side
   double memory_budget_mib =
       2048;  // trilinear: a matrix that needs more is not stored but traced anew each time
 };

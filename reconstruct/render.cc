@@ -145,7 +145,7 @@ Image Renderer::view(const Camera& camera, const RenderOptions& options) const {
   Image image(camera.image_width_px, camera.image_height_px);
   if (empty_) return image;
   const Tracer tracer(volume_, blocks_, occupied_);
-  const PixelRays rays(camera, options.pixel_samples);
+  const PixelRays rays(camera, options.pixel_samples, options.lens);
   const double step_mm = longest_step_mm(volume_.grid, options.step_voxels);
   const PixelBox box = pixels_seeing(camera, lit_lower_mm_, lit_upper_mm_);
   if (box.y1 <= box.y0 || box.x1 <= box.x0) return image;

@@ -8,6 +8,7 @@
 #include "proto/image.h"
 #include "proto/rig.h"
 #include "proto/volume.h"
+#include "reconstruct/projector/ray_march.h"
 
 namespace flamefield {
 
@@ -15,6 +16,7 @@ namespace flamefield {
 struct RenderOptions {
   double step_voxels = 0.5;  // ds, in units of the smallest voxel side
   int pixel_samples = 1;     // k x k rays a pixel
+  Lens lens = {};            // a pinhole unless it has an aperture
   int threads = 0;           // 0: all
 };
 

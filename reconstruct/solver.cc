@@ -41,6 +41,10 @@ namespace {
 std::vector<SettingField> fields_of(ProjectorOptions& o) {
   return {{"trilinear", "", 0, 1, "the ray tracer of the paper's Eq. 1 instead of the fast projector",
            &o.trilinear},
+          {"f_number", "", 0, 1000, "of the lens: what is out of focus is blurred; 0: pinhole", &o.f_number},
+          {"focal_length_mm", "mm", 0, 10000, "of the lens; needed with f_number", &o.focal_length_mm},
+          {"focus_distance_mm", "mm", 0, 1e7, "distance in focus; 0: the centre of the volume",
+           &o.focus_distance_mm},
           {"pixel_area", "", 0, 1, "a pixel averages over its area; false: one central ray", &o.pixel_area},
           {"pixel_samples", "", 1, 8, "trilinear: k x k rays a pixel", &o.pixel_samples},
           {"step_voxels", "voxels", 0.01, 1, "trilinear: ds along a ray, in units of the smallest voxel side",

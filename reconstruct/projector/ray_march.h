@@ -65,29 +65,48 @@ inline Cell cell_at(float coordinate, int size) {
   return {lower, inside - static_cast<float>(lower)};
 }
 
-// Rays through the sub-pixels of a camera.
+// A thin lens: the finite aperture of the paper's "advanced camera model". Points in focus look as through a
+// pinhole.
+struct Lens {
+  double aperture_mm = 0;  // diameter of the entrance pupil; 0: pinhole
+  double focus_mm = 0;     // distance of the plane in focus along the optical axis
+};
+
+// Rays through the sub-pixels of a camera, and through points spread over its aperture.
 class PixelRays {
  public:
-  PixelRays(const Camera& camera, int pixel_samples)
+  PixelRays(const Camera& camera, int pixel_samples, const Lens& lens = {})
       : camera_(camera),
+        lens_(lens),
         centre_mm_(camera.centre_mm()),
         world_from_camera_(camera.camera_from_world.rotation.transpose()),
-        samples_(pixel_samples) {}
+        samples_(pixel_samples),
+        aperture_points_(lens.aperture_mm > 0 ? kAperturePoints : 1) {}
 
-  int per_pixel() const { return samples_ * samples_; }
+  int per_pixel() const { return samples_ * samples_ * aperture_points_; }
 
   Ray ray(int x_px, int y_px, int sub) const {
     const auto offset = [&](int i) { return (i + 0.5) / samples_ - 0.5; };
-    const Eigen::Vector2d pixel(x_px + offset(sub % samples_), y_px + offset(sub / samples_));
+    const int point = sub / (samples_ * samples_);
+    const Eigen::Vector2d pixel(x_px + offset(sub % samples_), y_px + offset(sub / samples_ % samples_));
     const Eigen::Vector2d n = normalised_from_pixel(camera_, pixel);
-    return {centre_mm_, (world_from_camera_ * Eigen::Vector3d(n.x(), n.y(), 1)).normalized()};
+    const Eigen::Vector3d through(n.x(), n.y(), 1);
+    if (aperture_points_ == 1) return {centre_mm_, (world_from_camera_ * through).normalized()};
+    // Sunflower points on the disc, of equal area each; all rays of a pixel meet in the plane in focus.
+    const double r = 0.5 * lens_.aperture_mm * std::sqrt((point + 0.5) / aperture_points_),
+                 turn = 2.399963 * point;
+    const Eigen::Vector3d from(r * std::cos(turn), r * std::sin(turn), 0);
+    return {centre_mm_ + world_from_camera_ * from,
+            (world_from_camera_ * (lens_.focus_mm * through - from)).normalized()};
   }
 
  private:
+  static constexpr int kAperturePoints = 24;
   const Camera& camera_;
+  Lens lens_;
   Eigen::Vector3d centre_mm_;
   Eigen::Matrix3d world_from_camera_;
-  int samples_;
+  int samples_, aperture_points_;
 };
 
 inline double longest_step_mm(const Grid& grid, double step_voxels) {

@@ -96,11 +96,11 @@ std::vector<Camera> twins_of(const Rig& rig, const Grid& grid) {
 }
 
 std::vector<LevelView> views_of(const Rig& rig, const std::vector<Camera>& twins, const Grid& grid,
-                                PixelModel model) {
+                                std::vector<PixelModel> models) {
   std::vector<LevelView> out;
   for (std::size_t v = 0; v < twins.size(); ++v) {
-    model.pixel_px = twins[v].fx_px / std::sqrt(rig.cameras[v].fx_px * rig.cameras[v].fy_px);
-    out.emplace_back(twins[v], grid, model);
+    models[v].pixel_px = twins[v].fx_px / std::sqrt(rig.cameras[v].fx_px * rig.cameras[v].fy_px);
+    out.emplace_back(twins[v], grid, models[v]);
   }
   return out;
 }
@@ -130,22 +130,23 @@ Camera level_twin(const Camera& camera, const Grid& grid, double oversampling) {
   return twin;
 }
 
-std::string RectifiedEngine::obstacle(const Rig& rig, const Grid& grid, const PixelModel& model) {
+std::string RectifiedEngine::obstacle(const Rig& rig, const Grid& grid,
+                                      const std::vector<PixelModel>& models) {
   for (const Camera& c : rig.cameras) {
     if (std::abs(c.camera_from_world.rotation(2, 1)) > kSteepest)
       return concat("camera ", c.name, " looks up or down too steeply");
   }
-  return LevelEngine::obstacle(views_of(rig, twins_of(rig, grid), grid, model));
+  return LevelEngine::obstacle(views_of(rig, twins_of(rig, grid), grid, models));
 }
 
 RectifiedEngine::RectifiedEngine(const Rig& rig, const Grid& grid, const Layout& layout,
-                                 const PixelModel& model)
+                                 const std::vector<PixelModel>& models)
     : cameras_(rig.cameras),
       twin_cameras_(twins_of(rig, grid)),
       layout_(layout),
       twin_layout_(grid, layout.views, twin_cameras_.front().image_height_px,
                    twin_cameras_.front().image_width_px),
-      twins_(std::make_unique<LevelEngine>(views_of(rig, twin_cameras_, grid, model), twin_layout_)),
+      twins_(std::make_unique<LevelEngine>(views_of(rig, twin_cameras_, grid, models), twin_layout_)),
       samples_(layout.pixels()) {
   for (int v = 0; v < layout.views; ++v)
     for (int row = 0; row < layout.rows; ++row)

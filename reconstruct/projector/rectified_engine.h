@@ -20,9 +20,10 @@ Camera level_twin(const Camera& camera, const Grid& grid, double oversampling);
 class RectifiedEngine : public ProjectorEngine {
  public:
   // Why these cameras cannot be served; empty when they can.
-  static std::string obstacle(const Rig& rig, const Grid& grid, const PixelModel& model);
+  static std::string obstacle(const Rig& rig, const Grid& grid, const std::vector<PixelModel>& models);
 
-  RectifiedEngine(const Rig& rig, const Grid& grid, const Layout& layout, const PixelModel& model);
+  RectifiedEngine(const Rig& rig, const Grid& grid, const Layout& layout,
+                  const std::vector<PixelModel>& models);
 
   void forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
                std::span<float> projections) const override;

@@ -85,6 +85,10 @@ TEST_P(ProjectorTest, ForwardAgreesWithTheRenderer) {
   const auto ax = layout.unpack_images(packed);
   if (GetParam().options.trilinear) {  // the same discretisation
     for (std::size_t i = 0; i < ax.size(); ++i) EXPECT_NEAR(ax[i], rendered->values[i], 1e-4);
+  } else if (GetParam().options.f_number > 0) {
+    double sum = 0, sharp = 0;  // a lens moves light about, it takes none
+    for (std::size_t i = 0; i < ax.size(); ++i) sum += ax[i], sharp += rendered->values[i];
+    EXPECT_NEAR(sum, sharp, 0.02 * sharp);
   } else {  // another rule of integration, which white noise shows at its worst
     EXPECT_LT(relative_distance(ax, rendered->values), area ? 0.06 : 0.09);
   }
@@ -118,7 +122,9 @@ INSTANTIATE_TEST_SUITE_P(
     Engines, ProjectorTest,
     testing::Values(
         Case{"LevelArea", false, {}}, Case{"LevelCentralRay", false, {.pixel_area = false}},
-        Case{"CrookedArea", true, {}}, Case{"CrookedCentralRay", true, {.pixel_area = false}},
+        Case{"CrookedArea", true, {}}, Case{"LevelLens", false, {.f_number = 1.4, .focal_length_mm = 8}},
+        Case{"CrookedLens", true, {.f_number = 1.4, .focal_length_mm = 8}},
+        Case{"CrookedCentralRay", true, {.pixel_area = false}},
         Case{"LevelStored", false, {.trilinear = true, .pixel_samples = 1}},
         Case{"LevelStoredSubPixels", false, {.trilinear = true, .pixel_samples = 2}},
         Case{"CrookedStored", true, {.trilinear = true, .pixel_samples = 2}},
@@ -154,6 +160,35 @@ TEST(Projector, LevelCamerasAgreeWithTheRayTracerOnAFlame) {
   const Rig rig = *make_ring({}, centred_grid(52, 55, 52, 1.32));
   EXPECT_LT(distance_from_ray_tracer(rig, true), 0.005);
   EXPECT_LT(distance_from_ray_tracer(rig, false), 0.009);
+}
+
+TEST(Projector, ALensBlursWhatIsOutOfFocusAsRaysThroughItsApertureDo) {
+  const Grid grid = centred_grid(40, 40, 40, 1.5);
+  const Volume torus = make_phantom({.kind = PhantomKind::Torus}, grid);
+  const Rig rig = *make_ring({.views = 3, .radius_mm = 200}, grid);
+  Team team(2);
+  const auto distance = [&](const ProjectorOptions& options, const RenderOptions& traced) {
+    const auto made = Projector::make(rig, grid, options, team);
+    EXPECT_TRUE(made) << made.error().message;
+    if (!made) return 1.0;
+    const Projector& projector = *made;
+    std::vector<float> packed(projector.layout().pixels());
+    projector.forward(team, projector.layout().pack_volume(torus.values), packed);
+    return relative_distance(projector.layout().unpack_images(packed), render(torus, rig, traced)->values);
+  };
+  const ProjectorOptions pinhole, lens = {.f_number = 4, .focal_length_mm = 35, .focus_distance_mm = 150};
+  const RenderOptions traced = {
+      .step_voxels = 0.5, .pixel_samples = 2, .lens = {.aperture_mm = 8.75, .focus_mm = 150}};
+  EXPECT_GT(distance(pinhole, traced), 0.02);
+  EXPECT_LT(distance(lens, traced), 0.01);
+}
+
+TEST(Projector, AnApertureWithoutItsLensIsRefused) {
+  const Grid grid = centred_grid(8, 8, 8, 1);
+  Team team(1);
+  const auto made = Projector::make(level_ring(grid, 2), grid, {.f_number = 2}, team);
+  ASSERT_FALSE(made);
+  EXPECT_NE(made.error().message.find("focal_length_mm"), std::string::npos);
 }
 
 TEST(Projector, TiltedAndDistortedCamerasAgreeWithTheRayTracerOnAFlame) {
