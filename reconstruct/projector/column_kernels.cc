@@ -164,6 +164,12 @@ struct Block {
     return row.plane + static_cast<std::size_t>(begin + lane) * row.plane_step +
            static_cast<std::size_t>(column[lane]) * shape.stride;
   }
+  bool is_lit(int lane, const std::uint8_t* lit) const {
+    const std::size_t from_column = columns_at(lane) / shape.column, step = shape.stride / shape.column;
+    std::uint8_t any = 0;
+    for (int j = 0; j < count[lane]; ++j) any |= lit[from_column + static_cast<std::size_t>(j) * step];
+    return any != 0;
+  }
   std::size_t line_at(int lane) const {
     return row.line + static_cast<std::size_t>(begin + lane) * row.line_step;
   }
@@ -272,16 +278,17 @@ HWY_INLINE bool has_room(float m) {
 }
 
 // Strips are worked on in small groups, step by step, so that a step does not wait for what the one before
-// has just written. work(block, lanes, count)
-template <class Work>
-HWY_INLINE void each_group(const StripRow& row, const StripShape& shape, const Work& work) {
+// has just written. wanted(block, lane), work(block, lanes, count)
+template <class Wanted, class Work>
+HWY_INLINE void each_group(const StripRow& row, const StripShape& shape, const Wanted& wanted,
+                           const Work& work) {
   for (int begin = 0; begin < row.count; begin += kBlock) {
     const Block block(row, shape, begin);
     const int end = std::min(kBlock, row.count - begin);
     int lanes[kBlock], count = 0;
     for (int lane = 0; lane < end; ++lane) {
       lanes[count] = lane;
-      count += block.count[lane] > 0 && block.first[lane] <= block.last[lane];
+      count += block.count[lane] > 0 && block.first[lane] <= block.last[lane] && wanted(block, lane);
     }
     for (int i = 0; i < count; i += KernelScratch::kGroup) {
       work(block, lanes + i, std::min(KernelScratch::kGroup, count - i));
@@ -289,9 +296,10 @@ HWY_INLINE void each_group(const StripRow& row, const StripShape& shape, const W
   }
 }
 
-void AddForward(const float* volume, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
-                float* images) {
-  each_group(row, shape, [&](const Block& block, const int* lanes, int count) HWY_ATTR {
+void AddForward(const float* volume, const std::uint8_t* lit, const StripRow& row, const StripShape& shape,
+                KernelScratch& scratch, float* images) {
+  const auto wanted = [&](const Block& block, int lane) { return block.is_lit(lane, lit); };
+  each_group(row, shape, wanted, [&](const Block& block, const int* lanes, int count) HWY_ATTR {
     for (int g = 0; g < count; ++g) {
       float* c = scratch.first(g);
       blend(volume + block.columns_at(lanes[g]), block, lanes[g], c);
@@ -362,8 +370,8 @@ HWY_INLINE void gather(const float* HWY_RESTRICT pixels, const Strip& strip, con
         x = hn::Add(x, m);
       }
     }
-    hn::StoreU(sum, kF, direct + y);
-    if constexpr (kArea) hn::StoreU(bent, kF, bend + y);
+    hn::Store(sum, kF, direct + y);
+    if constexpr (kArea) hn::Store(bent, kF, bend + y);
   }
 }
 
@@ -403,10 +411,10 @@ HWY_INLINE void spread_some(const float* HWY_RESTRICT direct, const float* HWY_R
   }
   const V minus_two = set(-2);
   for (std::size_t y = 0; y < block.shape.column; y += kLanes) {
-    V value = hn::Load(kF, direct + y);
+    V value = hn::LoadU(kF, direct + y);
     if constexpr (kArea) {
       const V sides = hn::Add(hn::LoadU(kF, bend + y - 1), hn::LoadU(kF, bend + y + 1));
-      value = hn::Add(value, hn::MulAdd(minus_two, hn::Load(kF, bend + y), sides));
+      value = hn::Add(value, hn::MulAdd(minus_two, hn::LoadU(kF, bend + y), sides));
     }
     for (int j = 0; j < kCount; ++j) {
       hn::StoreU(hn::MulAdd(weight[j], value, hn::LoadU(kF, to[j] + y)), kF, to[j] + y);
@@ -430,27 +438,32 @@ HWY_INLINE void spread(const float* direct, const float* bend, const Block& bloc
 
 void AddAdjoint(const float* images, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
                 float* volume) {
-  each_group(row, shape, [&](const Block& block, const int* lanes, int count) HWY_ATTR {
-    for (int g = 0; g < count; ++g) {
-      copy_seen(images + block.line_at(lanes[g]), Strip(block, lanes[g]), shape, scratch.third(g));
-    }
-    for (int g = 0; g < count; ++g) {
-      const Strip strip(block, lanes[g]);
-      if (strip.half > 0)
-        gather<true>(scratch.third(g), strip, shape, scratch.first(g), scratch.second(g));
-      else
-        gather<false>(scratch.third(g), strip, shape, scratch.first(g), scratch.second(g));
-    }
-    for (int g = 0; g < count; ++g)
-      fold(shape.ny, scratch.first(g), scratch.second(g), block.half[lanes[g]] > 0);
-    for (int g = 0; g < count; ++g) {
-      float* columns = volume + block.columns_at(lanes[g]);
-      if (block.half[lanes[g]] > 0)
-        spread<true>(scratch.first(g), scratch.second(g), block, lanes[g], columns);
-      else
-        spread<false>(scratch.first(g), scratch.second(g), block, lanes[g], columns);
-    }
-  });
+  each_group(
+      row, shape, [](const Block&, int) { return true; },
+      [&](const Block& block, const int* lanes, int count) HWY_ATTR {
+        for (int g = 0; g < count; ++g) {
+          copy_seen(images + block.line_at(lanes[g]), Strip(block, lanes[g]), shape, scratch.third(g));
+        }
+        for (int g = 0; g < count; ++g) {
+          const Strip strip(block, lanes[g]);
+          if (strip.half > 0)
+            gather<true>(scratch.third(g), strip, shape, (scratch.first(g) + kBelow),
+                         (scratch.second(g) + kBelow));
+          else
+            gather<false>(scratch.third(g), strip, shape, (scratch.first(g) + kBelow),
+                          (scratch.second(g) + kBelow));
+        }
+        for (int g = 0; g < count; ++g)
+          fold(shape.ny, (scratch.first(g) + kBelow), (scratch.second(g) + kBelow), block.half[lanes[g]] > 0);
+        for (int g = 0; g < count; ++g) {
+          float* columns = volume + block.columns_at(lanes[g]);
+          if (block.half[lanes[g]] > 0)
+            spread<true>((scratch.first(g) + kBelow), (scratch.second(g) + kBelow), block, lanes[g], columns);
+          else
+            spread<false>((scratch.first(g) + kBelow), (scratch.second(g) + kBelow), block, lanes[g],
+                          columns);
+        }
+      });
 }
 
 const char* Target() {
@@ -483,9 +496,9 @@ void KernelScratch::fit(const StripShape& shape) {
   offset_ = kMargin + (64 - address % 64) % 64 / sizeof(float);
 }
 
-void add_forward(const float* volume, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
-                 float* images) {
-  HWY_DYNAMIC_DISPATCH(AddForward)(volume, row, shape, scratch, images);
+void add_forward(const float* volume, const std::uint8_t* lit, const StripRow& row, const StripShape& shape,
+                 KernelScratch& scratch, float* images) {
+  HWY_DYNAMIC_DISPATCH(AddForward)(volume, lit, row, shape, scratch, images);
 }
 
 void add_adjoint(const float* images, const StripRow& row, const StripShape& shape, KernelScratch& scratch,

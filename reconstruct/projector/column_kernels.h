@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <vector>
 
 #include "reconstruct/projector/footprint.h"
@@ -54,8 +55,10 @@ class KernelScratch {
 constexpr double kSmallestVectorM = 0.5, kLargestVectorM = 1.75, kLargestVectorHalf = 1;
 
 // images += strips of `volume`, without the factor of length. Padding of lines may become non-zero.
-void add_forward(const float* volume, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
-                 float* images);
+// lit: whether each voxel column of the volume, in memory order, holds anything but zero; strips of dark
+// columns are passed over.
+void add_forward(const float* volume, const std::uint8_t* lit, const StripRow& row, const StripShape& shape,
+                 KernelScratch& scratch, float* images);
 void add_forward_plain(const float* volume, const StripRow& row, const StripShape& shape, float* images);
 
 // volume += strips transposed times images. Padding of columns may become non-zero.

@@ -10,7 +10,7 @@ namespace {
 
 constexpr std::size_t kSlabFloats = 768 * 1024;  // of voxels that stay in cache while all views pass
 constexpr std::size_t kColumnsPerTask = 8;       // pixel columns, forward
-constexpr std::size_t kPlanesPerTask = 8;        // adjoint
+constexpr std::size_t kPlanesPerTask = 16;       // adjoint
 
 struct Workbench {
   KernelScratch scratch;
@@ -70,6 +70,14 @@ StripShape LevelEngine::Walk::seen_by(const LevelView& view) const {
 void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
                           std::span<float> projections) const {
   const auto cols = static_cast<std::size_t>(layout_.cols);
+  // A flame leaves much of the box dark.
+  std::vector<std::uint8_t> lit(volume.size() / layout_.column);
+  team.run_ranges(lit.size(), 1024, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const float* column = volume.data() + i * layout_.column;
+      lit[i] = std::any_of(column, column + layout_.ny, [](float v) { return v != 0; });
+    }
+  });
   const auto add_planes = [&](const Walk& w, std::size_t v, int col, int from, int to) {
     Workbench& bench = workbench();
     bench.scratch.fit(w.shape);
@@ -80,7 +88,7 @@ void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::s
     row.plane_step = w.plane_stride;
     row.line = line(v, col);
     if (vectors_) {
-      add_forward(volume.data(), row, w.seen_by(view), bench.scratch, projections.data());
+      add_forward(volume.data(), lit.data(), row, w.seen_by(view), bench.scratch, projections.data());
     } else {
       add_forward_plain(volume.data(), row, w.seen_by(view), projections.data());
     }

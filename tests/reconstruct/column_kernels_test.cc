@@ -89,8 +89,9 @@ TEST(ColumnKernels, VectorsGiveWhatThePlainLoopsGiveOnEveryInstructionSet) {
       const Scene scene(seed);
       KernelScratch scratch;
       scratch.fit(scene.shape);
+      const std::vector<std::uint8_t> lit(scene.volume.size() / scene.shape.column, 1);
       std::vector<float> lines(scene.images.size(), 0), plain_lines(lines);
-      add_forward(scene.volume.data(), scene.row(), scene.shape, scratch, lines.data());
+      add_forward(scene.volume.data(), lit.data(), scene.row(), scene.shape, scratch, lines.data());
       add_forward_plain(scene.volume.data(), scene.row(), scene.shape, plain_lines.data());
       ASSERT_LT(Scene::difference(lines, plain_lines, scene.shape.line, scene.shape.rows), 3e-5);
       std::vector<float> columns(scene.volume.size(), 0), plain_columns(columns);
