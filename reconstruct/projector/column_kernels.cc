@@ -277,21 +277,16 @@ HWY_INLINE bool has_room(float m) {
   return static_cast<float>(kLanes - 1) * m + 4 <= 2 * kLanes - 1;
 }
 
-// Strips are worked on in small groups, step by step, so that a step does not wait for what the one before
-// has just written. wanted(block, lane), work(block, lanes, count)
+// work(block, lane) for every strip that sees something and is wanted(block, lane).
 template <class Wanted, class Work>
-HWY_INLINE void each_group(const StripRow& row, const StripShape& shape, const Wanted& wanted,
+HWY_INLINE void each_strip(const StripRow& row, const StripShape& shape, const Wanted& wanted,
                            const Work& work) {
   for (int begin = 0; begin < row.count; begin += kBlock) {
     const Block block(row, shape, begin);
     const int end = std::min(kBlock, row.count - begin);
-    int lanes[kBlock], count = 0;
     for (int lane = 0; lane < end; ++lane) {
-      lanes[count] = lane;
-      count += block.count[lane] > 0 && block.first[lane] <= block.last[lane] && wanted(block, lane);
-    }
-    for (int i = 0; i < count; i += KernelScratch::kGroup) {
-      work(block, lanes + i, std::min(KernelScratch::kGroup, count - i));
+      if (block.count[lane] > 0 && block.first[lane] <= block.last[lane] && wanted(block, lane))
+        work(block, lane);
     }
   }
 }
@@ -299,29 +294,24 @@ HWY_INLINE void each_group(const StripRow& row, const StripShape& shape, const W
 void AddForward(const float* volume, const std::uint8_t* lit, const StripRow& row, const StripShape& shape,
                 KernelScratch& scratch, float* images) {
   const auto wanted = [&](const Block& block, int lane) { return block.is_lit(lane, lit); };
-  each_group(row, shape, wanted, [&](const Block& block, const int* lanes, int count) HWY_ATTR {
-    for (int g = 0; g < count; ++g) {
-      float* c = scratch.first(g);
-      blend(volume + block.columns_at(lanes[g]), block, lanes[g], c);
-      c[-1] = c[-2] = c[-3] = c[0];
-      c[shape.ny] = c[shape.ny + 1] = c[shape.ny + 2] = c[shape.ny - 1];
-    }
-    for (int g = 0; g < count; ++g) {
-      const Strip strip(block, lanes[g]);
-      const float* c = scratch.first(g);
-      float* line = images + block.line_at(lanes[g]);
-      const bool room = has_room(strip.m);
-      if (strip.half > 0) {
-        if (room)
-          add_line<true, true>(strip, c, line);
-        else
-          add_line<true, false>(strip, c, line);
-      } else {
-        if (room)
-          add_line<false, true>(strip, c, line);
-        else
-          add_line<false, false>(strip, c, line);
-      }
+  each_strip(row, shape, wanted, [&](const Block& block, int lane) HWY_ATTR {
+    float* c = scratch.first();
+    blend(volume + block.columns_at(lane), block, lane, c);
+    c[-1] = c[-2] = c[-3] = c[0];
+    c[shape.ny] = c[shape.ny + 1] = c[shape.ny + 2] = c[shape.ny - 1];
+    const Strip strip(block, lane);
+    float* line = images + block.line_at(lane);
+    const bool room = has_room(strip.m);
+    if (strip.half > 0) {
+      if (room)
+        add_line<true, true>(strip, c, line);
+      else
+        add_line<true, false>(strip, c, line);
+    } else {
+      if (room)
+        add_line<false, true>(strip, c, line);
+      else
+        add_line<false, false>(strip, c, line);
     }
   });
 }
@@ -438,32 +428,22 @@ HWY_INLINE void spread(const float* direct, const float* bend, const Block& bloc
 
 void AddAdjoint(const float* images, const StripRow& row, const StripShape& shape, KernelScratch& scratch,
                 float* volume) {
-  each_group(
-      row, shape, [](const Block&, int) { return true; },
-      [&](const Block& block, const int* lanes, int count) HWY_ATTR {
-        for (int g = 0; g < count; ++g) {
-          copy_seen(images + block.line_at(lanes[g]), Strip(block, lanes[g]), shape, scratch.third(g));
-        }
-        for (int g = 0; g < count; ++g) {
-          const Strip strip(block, lanes[g]);
-          if (strip.half > 0)
-            gather<true>(scratch.third(g), strip, shape, (scratch.first(g) + kBelow),
-                         (scratch.second(g) + kBelow));
-          else
-            gather<false>(scratch.third(g), strip, shape, (scratch.first(g) + kBelow),
-                          (scratch.second(g) + kBelow));
-        }
-        for (int g = 0; g < count; ++g)
-          fold(shape.ny, (scratch.first(g) + kBelow), (scratch.second(g) + kBelow), block.half[lanes[g]] > 0);
-        for (int g = 0; g < count; ++g) {
-          float* columns = volume + block.columns_at(lanes[g]);
-          if (block.half[lanes[g]] > 0)
-            spread<true>((scratch.first(g) + kBelow), (scratch.second(g) + kBelow), block, lanes[g], columns);
-          else
-            spread<false>((scratch.first(g) + kBelow), (scratch.second(g) + kBelow), block, lanes[g],
-                          columns);
-        }
-      });
+  const auto all = [](const Block&, int) { return true; };
+  each_strip(row, shape, all, [&](const Block& block, int lane) HWY_ATTR {
+    float *direct = scratch.first() + kBelow, *bend = scratch.second() + kBelow, *pixels = scratch.third();
+    const Strip strip(block, lane);
+    float* columns = volume + block.columns_at(lane);
+    copy_seen(images + block.line_at(lane), strip, shape, pixels);
+    if (strip.half > 0) {
+      gather<true>(pixels, strip, shape, direct, bend);
+      fold(shape.ny, direct, bend, true);
+      spread<true>(direct, bend, block, lane, columns);
+    } else {
+      gather<false>(pixels, strip, shape, direct, bend);
+      fold(shape.ny, direct, bend, false);
+      spread<false>(direct, bend, block, lane, columns);
+    }
+  });
 }
 
 const char* Target() {
@@ -491,7 +471,7 @@ void KernelScratch::fit(const StripShape& shape) {
   if (span == span_ && shape.line == line_) return;
   span_ = span;
   line_ = shape.line;
-  data_.assign(3 * kGroup * span_ + 32, 0.0f);
+  data_.assign(3 * span_ + 32, 0.0f);
   const auto address = reinterpret_cast<std::uintptr_t>(data_.data() + kMargin);
   offset_ = kMargin + (64 - address % 64) % 64 / sizeof(float);
 }

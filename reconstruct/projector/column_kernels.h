@@ -36,14 +36,13 @@ struct StripShape {
                        // + m (up - axis_up)
 };
 
-// Buffers for one thread: three kinds, for each strip of a group.
+// Three buffers for one thread.
 class KernelScratch {
  public:
-  static constexpr int kGroup = 4;
   void fit(const StripShape& shape);
-  float* first(int strip) { return data_.data() + offset_ + static_cast<std::size_t>(3 * strip) * span_; }
-  float* second(int strip) { return first(strip) + span_; }
-  float* third(int strip) { return second(strip) + span_; }  // nobody writes to its margins: they stay zero
+  float* first() { return data_.data() + offset_; }
+  float* second() { return first() + span_; }
+  float* third() { return second() + span_; }  // nobody writes to its margins: they stay zero
 
  private:
   std::size_t span_ = 0, offset_ = 0, line_ = 0;
