@@ -127,7 +127,7 @@ class Battlefield {
 void Battlefield::prepare() {
   insist(PutRig{lab_.rig});
   for (int i = 0; i < 3; ++i) insist(PutSet{lab_.set("dark", CaptureKind::Dark, i)});
-  insist(LivePlan{true, lab_.processing(3000)});  // long enough to be killed in
+  insist(LivePlan{true, lab_.processing(3000 / kSlowdown)});  // long enough to be killed in
 }
 
 void Battlefield::fight(unsigned seed) {
