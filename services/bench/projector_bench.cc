@@ -39,8 +39,10 @@ struct Least {
   int repetitions = 0;
 };
 
+// CPU time is the least of a repetition on one thread. On several the clock misses what the others have not
+// yet handed in, so that it is the mean over all repetitions.
 template <class Work>
-Least least_of(double seconds, const Work& work) {
+Least least_of(double seconds, int threads, const Work& work) {
   Least least;
   const Stopwatch whole;
   while (least.repetitions < 3 || whole.wall_s() < seconds) {
@@ -50,6 +52,7 @@ Least least_of(double seconds, const Work& work) {
     least.wall_s = std::min(least.wall_s, watch.wall_s());
     ++least.repetitions;
   }
+  if (threads > 1) least.cpu_s = whole.cpu_s() / least.repetitions;
   return least;
 }
 
@@ -111,7 +114,7 @@ Result<ProjectorMeasurement> measure_projector(const ProjectorCase& what, Projec
   for (int count : threads) {
     progress(concat("forward, ", count, count == 1 ? " thread" : " threads"));
     Team team(count);
-    const Least least = least_of(seconds_each, [&] { projector->forward(team, volume, images); });
+    const Least least = least_of(seconds_each, count, [&] { projector->forward(team, volume, images); });
     out.timings.push_back({count, least.repetitions, least.cpu_s, least.wall_s, 0, 0});
   }
   double image_side = 0, volume_side = 0;
@@ -122,7 +125,8 @@ Result<ProjectorMeasurement> measure_projector(const ProjectorCase& what, Projec
   for (ProjectorTiming& timing : out.timings) {
     progress(concat("adjoint, ", timing.threads, timing.threads == 1 ? " thread" : " threads"));
     Team team(timing.threads);
-    const Least least = least_of(seconds_each, [&] { projector->adjoint(team, images, volume); });
+    const Least least =
+        least_of(seconds_each, timing.threads, [&] { projector->adjoint(team, images, volume); });
     timing.adjoint_cpu_s = least.cpu_s;
     timing.adjoint_wall_s = least.wall_s;
   }
