@@ -266,7 +266,11 @@ HWY_INLINE void add_line(const Strip& strip, const float* HWY_RESTRICT c, float*
       look_up<2, kRoom>(c + static_cast<int>(base), index, tap);
       sum = hn::MulAdd(f, hn::Sub(tap[1], tap[0]), tap[0]);
     }
-    if (!strip.whole(up)) sum = hn::Mul(sum, strip.share(up));
+    if (!strip.whole(
+            up)) {  // what lies beyond the box is whatever the buffer held, perhaps not even a number
+      const V share = strip.share(up);
+      sum = hn::IfThenElseZero(hn::Gt(share, zero), hn::Mul(sum, share));
+    }
     hn::StoreU(hn::Add(hn::LoadU(kF, line + up), sum), kF, line + up);
   }
 }
