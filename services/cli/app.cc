@@ -17,10 +17,10 @@ namespace flamefield {
 namespace {
 
 // One row a command, in the order of the help.
-constexpr std::array kCommands = {&add_demo,   &add_serve,     &add_capture,     &add_runs,
-                                  &add_status, &add_calibrate, &add_phantom,     &add_ring,
-                                  &add_render, &add_prepare,   &add_reconstruct, &add_evaluate,
-                                  &add_bench,  &add_show,      &add_convert,     &add_simulate};
+constexpr std::array kCommands = {&add_demo,        &add_serve,    &add_capture, &add_runs,   &add_status,
+                                  &add_calibrate,   &add_phantom,  &add_ring,    &add_render, &add_prepare,
+                                  &add_reconstruct, &add_evaluate, &add_bench,   &add_study,  &add_show,
+                                  &add_convert,     &add_simulate};
 
 int report(ExitCode code, const std::string& message) {
   std::cerr << "flamefield: " << message << '\n';

@@ -16,6 +16,7 @@ void add_prepare(CLI::App& app, Session& session);
 void add_reconstruct(CLI::App& app, Session& session);
 void add_evaluate(CLI::App& app, Session& session);
 void add_bench(CLI::App& app, Session& session);  // projector, solvers ...
+void add_study(CLI::App& app, Session& session);
 void add_show(CLI::App& app, Session& session);
 void add_convert(CLI::App& app, Session& session);
 void add_calibrate(CLI::App& app, Session& session);

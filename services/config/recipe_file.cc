@@ -45,11 +45,7 @@ std::string toml_value(const Setting& setting) {
   return value;
 }
 
-}  // namespace
-
-Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck& check,
-                           const Recipe& defaults) {
-  auto file = read_toml(path);
+Result<Recipe> recipe_of(const Result<TomlFile>& file, const RecipeCheck& check, const Recipe& defaults) {
   if (!file) return tl::unexpected(file.error());
   Recipe recipe = defaults;
   if (const auto solver = file->entries.find("solver"); solver != file->entries.end()) {
@@ -63,9 +59,21 @@ Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck&
     if (auto ok = check(alone); !ok) return with_line(*file, key, ok.error());
   }
   if (auto ok = check(recipe); !ok) {  // keys that are good alone may contradict each other
-    return tl::unexpected(Error{ok.error().code, concat(path.string(), ": ", ok.error().message)});
+    return tl::unexpected(Error{ok.error().code, concat(file->path.string(), ": ", ok.error().message)});
   }
   return recipe;
+}
+
+}  // namespace
+
+Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck& check,
+                           const Recipe& defaults) {
+  return recipe_of(read_toml(path), check, defaults);
+}
+
+Result<Recipe> parse_recipe(const std::string& text, const std::filesystem::path& name,
+                            const RecipeCheck& check, const Recipe& defaults) {
+  return recipe_of(parse_toml(text, name), check, defaults);
 }
 
 std::string toml_of(const Recipe& recipe) {

@@ -16,6 +16,10 @@ using RecipeCheck = std::function<Result<>(const Recipe&)>;
 Result<Recipe> read_recipe(const std::filesystem::path& path, const RecipeCheck& check,
                            const Recipe& defaults = {});
 
+// The same from text, e.g. of a recipe that is part of the program; `name` is what errors call it.
+Result<Recipe> parse_recipe(const std::string& text, const std::filesystem::path& name,
+                            const RecipeCheck& check, const Recipe& defaults = {});
+
 // The recipe as TOML text, and written to a file.
 std::string toml_of(const Recipe& recipe);
 Result<> write_recipe(const std::filesystem::path& path, const Recipe& recipe);

@@ -84,9 +84,13 @@ tl::unexpected<Error> TomlFile::fault(const std::string& key, std::string_view p
 Result<TomlFile> read_toml(const std::filesystem::path& path) {
   auto text = read_text_file(path, kMaxBytes);
   if (!text) return tl::unexpected(text.error());
+  return parse_toml(*text, path);
+}
+
+Result<TomlFile> parse_toml(const std::string& text, const std::filesystem::path& path) {
   TomlFile file{path, {}};
   try {
-    std::istringstream stream(*text);
+    std::istringstream stream(text);
     const toml::value root = toml::parse(stream, path.string());
     if (auto ok = flatten(root, "", file); !ok) return tl::unexpected(ok.error());
     return file;

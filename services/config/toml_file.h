@@ -29,6 +29,8 @@ struct TomlFile {
 // NotFound: no such file. InvalidInput: a fault of grammar, with its line; or a date, which we have no use
 // for.
 Result<TomlFile> read_toml(const std::filesystem::path& path);
+// The same from memory; `path` is what errors call it.
+Result<TomlFile> parse_toml(const std::string& text, const std::filesystem::path& path);
 
 // A text between quotation marks, as TOML wants it.
 std::string toml_text(std::string_view text);

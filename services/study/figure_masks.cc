@@ -1,0 +1,70 @@
+// The first stochastic mask (Algorithm 3) beside the image it was drawn from.
+#include <algorithm>
+#include <cmath>
+
+#include "reconstruct/evolutionary/mask.h"
+#include "reconstruct/projector.h"
+#include "services/report/html.h"
+#include "services/report/slice_figure.h"
+#include "services/study/figures.h"
+
+namespace flamefield {
+
+namespace {
+
+// Draws an image whose pixels are `mm` wide; rows run down, as in the camera.
+std::string picture(const Image& image, Axis right, Axis up, double mm, const std::string& title) {
+  Slice s;
+  s.right = right, s.up = up;
+  const double w = 0.5 * mm * image.width_px, h = 0.5 * mm * image.height_px;
+  s.right_mm = {-w, w};
+  s.up_mm = up == Axis::Y ? std::array{0.0, 2 * h} : std::array{-h, h};
+  s.image = image;
+  return slice_svg(s, inferno(), emission_range(image.pixels), {330 / (2 * w), true, true, title});
+}
+
+}  // namespace
+
+Result<std::string> masks_figure(const StudyFigure& figure, const FigureSource& source) {
+  if (source.results.runs.empty()) return std::string();
+  const StudyRun& run = source.results.runs.front().run;
+  const auto scene = source.scenes.get(run.settings, 0);
+  if (!scene) return tl::unexpected(scene.error());
+  const Grid grid = run.settings.grid();
+  Team team;
+  const auto projector = Projector::make((*scene)->rig, grid, {}, team);
+  if (!projector) return tl::unexpected(projector.error());
+  Stream stream(static_cast<std::uint64_t>(run.settings.seed), 0);
+  const auto samples = static_cast<std::size_t>(figure.samples);
+  const Mask mask = mask_from_images(*projector, (*scene)->images.values, samples, stream);
+
+  const Camera& camera = (*scene)->rig.cameras.front();
+  Image measured(camera.image_width_px, camera.image_height_px), front = measured, top(grid.nx, grid.nz);
+  std::ranges::copy((*scene)->images.view(0), measured.pixels.begin());
+  const auto nx = static_cast<std::size_t>(grid.nx), ny = static_cast<std::size_t>(grid.ny);
+  for (std::uint32_t voxel : mask) {
+    const int x = static_cast<int>(voxel % nx), y = static_cast<int>(voxel / nx % ny),
+              z = static_cast<int>(voxel / nx / ny);
+    top.at(x, grid.nz - 1 - z) += 1;
+    const auto pixel = project(camera, grid.voxel_centre_mm(x, y, z));
+    if (!pixel) continue;
+    const int column = static_cast<int>(std::lround(pixel->x())),
+              row = static_cast<int>(std::lround(pixel->y()));
+    if (column >= 0 && row >= 0 && column < front.width_px && row < front.height_px)
+      front.at(column, row) += 1;
+  }
+  const double mm = grid.spacing_mm.x();
+  const std::string where = concat("voxels of ", number(mm, 3), " mm");
+  return ::flamefield::figure(
+             picture(measured, Axis::Z, Axis::Y, mm, "image, 0° view"),
+             caption_of(
+                 figure,
+                 "The image of the first camera (field unit × mm); its scale is that of the centre.")) +
+         ::flamefield::figure(picture(front, Axis::Z, Axis::Y, mm, "histogram, 0° view"),
+                              concat("The mask's ", samples,
+                                     " samples counted in the pixels of that camera (samples a pixel).")) +
+         ::flamefield::figure(picture(top, Axis::X, Axis::Z, mm, "histogram, top view"),
+                              concat("The same seen from above (samples a column of ", where, ")."));
+}
+
+}  // namespace flamefield
