@@ -45,12 +45,10 @@ std::string time_text(double seconds) {
 }
 
 void list_studies() {
-  TextTable table({"study", "what"});
   for (const std::string& name : shipped_studies()) {
-    const auto studies = read_studies(name, {});
-    table.add({name, studies && !studies->empty() ? studies->front().title : ""});
+    const auto studies = or_fail(read_studies(name, {}));
+    std::cout << fmt::format("{:<16}{}\n", name, studies.front().title);
   }
-  std::cout << table.text();
 }
 
 // Opens the folder without making one, for those who only want to look.
@@ -82,15 +80,17 @@ void dry_run(const Options& options, Work& work, const Session& session) {
   const int jobs =
       options.jobs > 0 ? options.jobs : static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   std::cout << table.text() << '\n'
-            << todo << " of " << work.plan.runs.size() << " runs to do, about " << time_text(total_s / jobs)
+            << todo << " of " << estimates.size() << " runs to do, about " << time_text(total_s / jobs)
             << " with " << jobs << " at a time\n";
 }
 
 std::vector<StudyResults> collect(const Work& work, const RecordStore& store) {
   std::vector<StudyResults> results;
-  for (const Study& study : work.studies) results.push_back({study, {}, 0});
+  for (const Study& study : work.studies) results.push_back({study});
   for (const StudyRun& run : work.plan.runs) {
     StudyResults& part = results[run.study];
+    if (!part.first) part.first = run;
+    if (!work.studies[run.study].solve) continue;
     ++part.planned;
     if (auto record = store.find(run.id)) part.runs.push_back({run, std::move(*record)});
   }

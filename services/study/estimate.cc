@@ -72,6 +72,7 @@ Result<std::vector<RunEstimate>> estimate_runs(const std::vector<Study>& studies
   std::map<std::string, Trial> trials;
   std::set<std::string> known;
   for (const StudyRun& run : plan.runs) {
+    if (!studies[run.study].solve) continue;
     RunEstimate estimate{&run};
     estimate.is_done = store && is_done(studies[run.study], run, *store);
     estimate.is_twin = !known.insert(run.id).second;

@@ -72,7 +72,7 @@ void explain_order(const FitnessPath& good, const FitnessPath& bad, const std::a
   if (!leads && a > 1.25 * b && a > 0.01)
     out.push_back(concat("Over the last tenth of its generations '", names[0], "' still won ", percent(a),
                          " of the distance to a perfect fitness, the other ", percent(b),
-                         ": it would need more generations to show its worth."));
+                         ": the former would need more generations to show its worth."));
   else if (std::max(a, b) > 0.05)
     out.push_back(concat("Neither had settled: the last tenth of the generations still won ", percent(a),
                          " and ", percent(b), " of the distance to a perfect fitness."));

@@ -51,7 +51,6 @@ Result<std::string> errors_plot(const std::vector<RunGroup>& groups, const std::
 
 Result<std::string> paths_figure(const StudyFigure& figure, const FigureSource& source) {
   Plot plot{.x_label = "generation (count)", .y_label = "fitness of the best 1 − Z (1)"};
-  plot.height_px = 400;
   const std::vector<RunGroup> groups = groups_of(all_of(source.results), figure.over);
   for (const RunGroup& group : groups) {
     const FitnessPath path = mean_path(group.runs);
@@ -103,9 +102,10 @@ Result<std::string> stability_figure(const StudyFigure& figure, const FigureSour
       pearson.x.push_back(x), pearson.y.push_back(run->record.metrics.pearson);
       sqmd.x.push_back(x), sqmd.y.push_back(run->record.metrics.sqmd);
     }
-    const auto range_of = [](const Spread& s) {
+    const auto range_of = [](const Spread& s) -> std::optional<std::array<double, 2>> {
+      if (s.count < 2) return std::nullopt;  // fields that are constant correlate with nothing
       const double reach = std::max({4 * s.sd, 1e-3 * std::abs(s.mean), 1e-6});
-      return std::array{s.mean - reach, s.mean + reach};
+      return {{s.mean - reach, s.mean + reach}};
     };
     const Spread p = spread_of(pearson.y), q = spread_of(sqmd.y);
     const double last = pearson.x.back();

@@ -26,8 +26,8 @@ std::string picture(const Image& image, Axis right, Axis up, double mm, const st
 }  // namespace
 
 Result<std::string> masks_figure(const StudyFigure& figure, const FigureSource& source) {
-  if (source.results.runs.empty()) return std::string();
-  const StudyRun& run = source.results.runs.front().run;
+  if (!source.results.first) return std::string();
+  const StudyRun& run = *source.results.first;
   const auto scene = source.scenes.get(run.settings, 0);
   if (!scene) return tl::unexpected(scene.error());
   const Grid grid = run.settings.grid();

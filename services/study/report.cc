@@ -26,6 +26,7 @@ std::string runs_table(const StudyResults& part) {
                     number(measure(r, "fitness"), 5), concat(r.iterations), escaped(r.stop_reason),
                     number(r.wall_s, 3)});
   }
+  if (part.planned == 0) return "";
   return concat("<details><summary>All ", strong_count(part.runs.size(), part.planned),
                 " in figures</summary>", table(rows, "numbers"), "</details>\n");
 }
@@ -70,7 +71,7 @@ Result<std::string> study_report(const std::vector<StudyResults>& results, const
   for (const StudyResults& part : results) done += part.runs.size(), planned += part.planned;
   std::string body = published_section(results) + findings_section(results);
   for (std::size_t i = 0; i < results.size(); ++i) {
-    if (results[i].planned == 0) continue;
+    if (!results[i].first) continue;
     const auto part = study_section(results[i], store, scenes, i);
     if (!part) return part;
     body += *part;

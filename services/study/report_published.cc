@@ -110,7 +110,7 @@ std::string published_section(const std::vector<StudyResults>& results) {
 }
 
 std::string findings_section(const std::vector<StudyResults>& results) {
-  Rows rows = {{"The article says", "Figures (favoured against the rest)", "Outcome", "Why"}};
+  Rows rows = {{"The article says", "Figures (favoured against the rest)", "Verdict", "Why"}};
   for (const StudyResults& part : results)
     for (const StudyFinding& finding : part.study.findings) {
       const FindingResult r = judge(part, finding);

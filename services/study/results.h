@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <limits>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -18,8 +19,9 @@ struct FinishedRun {
 // A study with those of its runs that are done.
 struct StudyResults {
   Study study;
-  std::vector<FinishedRun> runs;
+  std::vector<FinishedRun> runs = {};
   std::size_t planned = 0;
+  std::optional<StudyRun> first = {};  // of the planned runs
 };
 
 // What was measured of a run: "fitness", "pearson", "sqmd_3d", "sqmd_2d". Fitness is the last of the history

@@ -151,8 +151,10 @@ Result<RunnerSummary> do_runs(const std::vector<Study>& studies, const StudyPlan
   std::map<std::string, bool> wants_volume;  // equal runs may belong to studies that do and do not keep them
   std::set<std::string> known;
   std::size_t skipped = 0;
-  for (const StudyRun& run : plan.runs) wants_volume[run.id] |= studies[run.study].keep_volumes;
+  for (const StudyRun& run : plan.runs)
+    wants_volume[run.id] |= studies[run.study].solve && studies[run.study].keep_volumes;
   for (const StudyRun& run : plan.runs) {
+    if (!studies[run.study].solve) continue;
     if (wants_volume[run.id] && !studies[run.study].keep_volumes) continue;  // its twin keeps the volume
     if (!known.insert(run.id).second) continue;
     if (is_done(studies[run.study], run, store)) {

@@ -67,6 +67,7 @@ struct Study {
   std::vector<StudyCase> cases;
   int repeats = 1;
   bool keep_volumes = false;
+  bool solve = true;  // false: figures of images and masks only
   int threads_per_run = 1;
   std::vector<StudyFigure> figures;
   std::vector<StudyFinding> findings;

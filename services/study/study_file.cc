@@ -44,31 +44,27 @@ Result<Source> open_study(const std::string& name_or_path, const std::filesystem
   return Source{std::move(*file), name, parent};
 }
 
+// A quick pass changes what all cases share; what a case says itself stands. The command line overrules both.
 Result<> apply_options(Study& study, const StudyOptions& options) {
-  const auto put = [&](const std::string& key, const Setting& value) -> Result<> {
-    if (key == "repeats") {
-      study.repeats = static_cast<int>(std::max(1.0, number_of(value).value_or(1)));
-      return {};
+  if (options.quick) {
+    for (const auto& [key, value] : study.quick) {
+      const double number = number_of(value).value_or(1);
+      if (key == "repeats") {
+        study.repeats = static_cast<int>(number);
+      } else if (key == "samples") {
+        for (StudyFigure& figure : study.figures) figure.samples = static_cast<int>(number);
+      } else {
+        study.settings[key] = value;
+      }
     }
-    if (key == "samples") {
-      for (StudyFigure& figure : study.figures)
-        figure.samples = static_cast<int>(number_of(value).value_or(figure.samples));
-      return {};
-    }
-    study.settings[key] = value;
-    for (StudyCase& named : study.cases)
-      if (const auto own = named.settings.find(key); own != named.settings.end()) own->second = value;
-    return {};
-  };
-  if (options.quick)
-    for (const auto& [key, value] : study.quick)
-      if (auto ok = put(key, value); !ok) return ok;
+  }
   if (options.repeats > 0) study.repeats = options.repeats;
-  for (const std::string& assignment : options.settings) {
-    Recipe one;
-    if (auto ok = assign(one, assignment); !ok) return ok;
-    for (const auto& [key, value] : one.settings)
-      if (auto ok = put(key, value); !ok) return ok;
+  Recipe given;
+  for (const std::string& assignment : options.settings)
+    if (auto ok = assign(given, assignment); !ok) return ok;
+  for (const auto& [key, value] : given.settings) {
+    study.settings[key] = value;
+    for (StudyCase& named : study.cases) named.settings.erase(key);
   }
   return {};
 }

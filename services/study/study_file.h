@@ -10,8 +10,8 @@ namespace flamefield {
 
 struct StudyOptions {
   bool quick = false;
-  int repeats = 0;                    // 0: as the study says
-  std::vector<std::string> settings;  // TABLE.KEY=VALUE over all else but what is swept
+  int repeats = 0;                         // 0: as the study says
+  std::vector<std::string> settings = {};  // TABLE.KEY=VALUE over all else but what is swept
 };
 
 // A study in TOML, by file name or the name of a shipped one ("paper", "mutation-rate" ...). One file may

@@ -272,9 +272,10 @@ class Reader {
 
   Result<> take_run(const std::string& at, const TomlEntry& entry) {
     if (at == "run.threads") return whole(at, entry, 1, 1024, study_.threads_per_run);
-    if (at != "run.keep_volumes") return unknown(at, at.substr(4), {"threads", "keep_volumes"});
+    if (at != "run.keep_volumes" && at != "run.solve")
+      return unknown(at, at.substr(4), {"threads", "keep_volumes", "solve"});
     if (entry.is_list || !std::holds_alternative<bool>(entry.values[0])) return wrong(at, "true or false");
-    study_.keep_volumes = std::get<bool>(entry.values[0]);
+    (at == "run.solve" ? study_.solve : study_.keep_volumes) = std::get<bool>(entry.values[0]);
     return {};
   }
 
