@@ -50,7 +50,8 @@ pre { background: var(--card); border: 1px solid var(--line); border-radius: 8px
 details { color: var(--dim); } footer { margin-top: 48px; color: var(--dim); font-size: 13px; }
 .figures { display: grid; grid-template-columns: repeat(auto-fit, minmax(400px, 1fr)); gap: 24px 28px; margin: 14px 0; align-items: start; }
 .figures svg { width: 100%; height: auto; max-width: 640px; display: block; } .figures .slice { width: auto; max-width: 100%; }
-.paper { color: var(--ink); font-weight: 600; } .claim { max-width: 300px; } .why { color: var(--dim); font-size: 13px; max-width: 460px; }
+.row { display: flex; flex-wrap: wrap; gap: 20px 24px; grid-column: 1 / -1; } .row figure { max-width: 345px; }
+.wide { margin-bottom: 30px; } .claim { max-width: 300px; } .why { color: var(--dim); font-size: 13px; max-width: 460px; }
 @media (max-width: 720px) { .film { grid-template-columns: repeat(3, 1fr); } .plots, .figures { grid-template-columns: 1fr; } .pair { grid-template-columns: 1fr; } }
 @media print { :root { color-scheme: light; } main { max-width: none; padding: 0; } section, figure, tr { break-inside: avoid; } details > * { display: block; } }
 )css";

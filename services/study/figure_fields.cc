@@ -63,16 +63,22 @@ std::string slice_row(const Volume& volume, const std::string& name, ValueRange 
                       bool last) {
   const Grid& g = volume.grid;
   const Eigen::Vector3d size_mm = g.upper_mm() - g.lower_mm();
-  const double px_per_mm = std::min(118 / std::max(size_mm.x(), size_mm.z()), 170 / size_mm.y());
+  const double px_per_mm = std::min(122 / std::max(size_mm.x(), size_mm.z()), 176 / size_mm.y());
   std::string row = concat("<tr><th scope=\"row\">", escaped(name), "</th>");
+  Axis before = Axis::Y;
+  bool has_level_before = false;
   for (const Cut& cut : cuts(g)) {
+    // Slices in a row share their upward axis: the height, and then z.
+    const bool label_up = cut.axis == Axis::Y ? !has_level_before : before == Axis::Y;
+    has_level_before = has_level_before || cut.axis == Axis::Y;
+    before = cut.axis;
     Slice s = slice(volume, cut.axis, cut.index);
     const double bottom = g.lower_mm().y();  // heights count from the bottom of the domain
     if (s.normal == Axis::Y)
       s.position_mm -= bottom;
     else
       s.up_mm = {s.up_mm[0] - bottom, s.up_mm[1] - bottom};
-    SliceFigureOptions options{px_per_mm, last, true, ""};
+    SliceFigureOptions options{px_per_mm, last, label_up, ""};
     if (first) options.title = concat(label_of(cut.axis), " = ", number(s.position_mm, 2), " mm");
     row += concat("<td>", slice_svg(s, inferno(), range, options), "</td>");
   }

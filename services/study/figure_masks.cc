@@ -13,14 +13,17 @@ namespace flamefield {
 namespace {
 
 // Draws an image whose pixels are `mm` wide; rows run down, as in the camera.
-std::string picture(const Image& image, Axis right, Axis up, double mm, const std::string& title) {
+std::string picture(const Image& image, Axis right, Axis up, double mm, const std::string& title,
+                    const std::string& quantity) {
   Slice s;
   s.right = right, s.up = up;
   const double w = 0.5 * mm * image.width_px, h = 0.5 * mm * image.height_px;
   s.right_mm = {-w, w};
   s.up_mm = up == Axis::Y ? std::array{0.0, 2 * h} : std::array{-h, h};
   s.image = image;
-  return slice_svg(s, inferno(), emission_range(image.pixels), {330 / (2 * w), true, true, title});
+  const ValueRange range = emission_range(image.pixels);
+  return slice_svg(s, inferno(), range, {280 / (2 * w), true, true, title}) +
+         colour_bar_svg(inferno(), range, quantity);
 }
 
 }  // namespace
@@ -54,17 +57,17 @@ Result<std::string> masks_figure(const StudyFigure& figure, const FigureSource& 
       front.at(column, row) += 1;
   }
   const double mm = grid.spacing_mm.x();
-  const std::string where = concat("voxels of ", number(mm, 3), " mm");
-  return ::flamefield::figure(
-             picture(measured, Axis::Z, Axis::Y, mm, "image, 0° view"),
-             caption_of(
-                 figure,
-                 "The image of the first camera (field unit × mm); its scale is that of the centre.")) +
-         ::flamefield::figure(picture(front, Axis::Z, Axis::Y, mm, "histogram, 0° view"),
-                              concat("The mask's ", samples,
-                                     " samples counted in the pixels of that camera (samples a pixel).")) +
-         ::flamefield::figure(picture(top, Axis::X, Axis::Z, mm, "histogram, top view"),
-                              concat("The same seen from above (samples a column of ", where, ")."));
+  return concat(
+      "<div class=\"row\">",
+      ::flamefield::figure(picture(measured, Axis::Z, Axis::Y, mm, "image, 0° view", "intensity (a.u. × mm)"),
+                           caption_of(figure, "The image of the first camera; lengths as at the centre.")),
+      ::flamefield::figure(
+          picture(front, Axis::Z, Axis::Y, mm, "histogram, 0° view", "samples a pixel (count)"),
+          concat("The mask's ", samples, " samples in the pixels of that camera.")),
+      ::flamefield::figure(
+          picture(top, Axis::X, Axis::Z, mm, "histogram, top view", "samples a column (count)"),
+          concat("The same from above, by columns of voxels of ", number(mm, 3), " mm.")),
+      "</div>");
 }
 
 }  // namespace flamefield

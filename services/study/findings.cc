@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 #include "services/report/html.h"
@@ -104,6 +105,21 @@ double room(const std::string& name, double value) {
   return is_better_when_high(name) ? 1 - value : value;
 }
 
+// Of the mean of a group, from what only the seeds make: runs whose settings differ are no repeats.
+double standard_error(const Runs& runs, const std::string& name) {
+  std::map<std::string, std::vector<double>> cells;
+  for (const FinishedRun* run : runs) {
+    std::string settings = run->run.case_name;
+    for (const auto& [key, value] : run->run.swept) settings += concat(',', text_of(value));
+    cells[settings].push_back(measure(run->record, name));
+  }
+  double variance = 0;
+  for (const auto& [settings, values] : cells)
+    if (const Spread s = spread_of(values); s.count > 1)
+      variance += s.sd * s.sd / static_cast<double>(s.count);
+  return std::sqrt(variance) / static_cast<double>(std::max<std::size_t>(1, cells.size()));
+}
+
 MeasureComparison compare_groups(const Split& split, const StudyFinding& finding, const Runs& all,
                                  const std::string& name) {
   MeasureComparison c{.measure = name,
@@ -113,11 +129,7 @@ MeasureComparison compare_groups(const Split& split, const StudyFinding& finding
                                                           : rank_over(all, finding, name)};
   if (c.favoured.count == 0 || c.others.count == 0) return c;
   c.gain = (is_better_when_high(name) ? 1 : -1) * (c.favoured.mean - c.others.mean);
-  // Values within the groups of `above` differ on purpose: their scatter is no error.
-  const auto variance = [](const Spread& s) {
-    return s.count > 1 ? s.sd * s.sd / static_cast<double>(s.count) : 0.0;
-  };
-  if (finding.rule != Rule::Above) c.error = std::sqrt(variance(c.favoured) + variance(c.others));
+  c.error = std::hypot(standard_error(split.favoured, name), standard_error(split.others, name));
   const double least = std::max(2 * c.error, 1e-2 * room(name, c.others.mean));
   c.verdict = c.gain > least ? Outcome::Holds : c.gain < -least ? Outcome::Fails : Outcome::Unclear;
   return c;

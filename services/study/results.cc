@@ -48,7 +48,8 @@ std::string text_of(const Spread& spread, int digits) {
   if (spread.count == 0) return "–";
   std::ostringstream out;
   out << std::fixed << std::setprecision(digits) << spread.mean;
-  if (spread.count > 1) out << " ± " << spread.sd;
+  // Solvers without chance repeat themselves exactly.
+  if (spread.count > 1 && spread.sd >= 0.5 * std::pow(10.0, -digits)) out << " ± " << spread.sd;
   return out.str();
 }
 

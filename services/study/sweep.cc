@@ -79,7 +79,7 @@ Result<StudyPlan> plan_runs(const std::vector<Study>& studies, FieldFiles& field
         run.settings = *settings;
         run.settings.seed = first_seed + repeat;
         run.id = run.settings.id();
-        equal += !known.insert(run.id).second;
+        if (study.solve) equal += !known.insert(run.id).second;
         plan.runs.push_back(run);
       }
     }

@@ -54,6 +54,25 @@ const std::string kReconstruct =
     "reconstruct --projections projections.nxs --rig rig.yaml --size 20,20,20 "
     "--spacing-mm 1.5 ";
 
+TEST_F(DeskChain, KnowsTheSetUpsOfTheArticle) {
+  const ProgramResult made =
+      shell(scratch_->path(),
+            "\"$F\" phantom hollow-sphere --out small.vtkhdf && \"$F\" phantom hollow-sphere "
+            "--finer 2 --out fine.vtkhdf && \"$F\" ring --like hollow-sphere --volume "
+            "fine.vtkhdf --out like.yaml");
+  ASSERT_EQ(made.exit_code, 0) << made.err;
+  const Volume small = *read_volume(at("small.vtkhdf")), fine = *read_volume(at("fine.vtkhdf"));
+  EXPECT_EQ(small.grid, centred_grid(40, 40, 40, 1));
+  EXPECT_EQ(fine.grid.nx, 80);
+  EXPECT_TRUE(fine.grid.lower_mm().isApprox(small.grid.lower_mm()));
+  const Rig rig = *read_rig(at("like.yaml"));
+  EXPECT_EQ(rig.cameras.size(), 10u);
+  EXPECT_EQ(rig.cameras.front().image_width_px, 40);
+  expect_refused("ring --volume small.vtkhdf --out bad.yaml", 2, {"--views", "--like"}, "bad.yaml");
+  expect_refused("ring --like taurus --volume small.vtkhdf --out bad.yaml", 2, {"did you mean 'torus'?"},
+                 "bad.yaml");
+}
+
 TEST_F(DeskChain, RecoversATorusFromItsPictures) {
   const ProgramResult made =
       run(kReconstruct + "--solver mlem --set mlem.max_iterations=40 --out volume.vtkhdf --json");
