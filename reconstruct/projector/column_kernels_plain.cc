@@ -5,39 +5,41 @@ namespace flamefield {
 
 namespace {
 
-// visit(voxel in the volume, pixel in the images, weight)
+// visit(voxel in the volume, pixel in the images, weight) for voxel columns begin .. end - 1
 template <class Visit>
-void each_weight(const StripRow& row, const StripShape& shape, const Visit& visit) {
-  for (int i = 0; i < row.count; ++i) {
-    const auto index = static_cast<std::size_t>(i);
-    const Footprint across = footprint(row.q[i], row.half[i], shape.others);
-    if (across.count == 0) continue;
-    for (int up = 0; up < shape.rows; ++up) {
-      const double m = row.m[i];
+void each_weight(const StripPatch& patch, const StripShape& shape, int begin, int end, const Visit& visit) {
+  for (int i = 0; i < patch.strips(); ++i) {
+    const auto col = static_cast<std::size_t>(i / patch.planes),
+               plane = static_cast<std::size_t>(i % patch.planes);
+    const Footprint across = footprint(patch.q[i], patch.half[i], shape.others);
+    for (int up = 0; across.count > 0 && up < shape.rows; ++up) {
+      const double m = patch.m[i];
       const Footprint along =
-          footprint(shape.height + m * (up - shape.axis_up), m * row.half_px[i], shape.ny);
-      for (int j = 0; j < across.count; ++j)
+          footprint(shape.height + m * (up - shape.axis_up), m * patch.half_px[i], shape.ny);
+      for (int j = 0; j < across.count; ++j) {
+        const int other = across.first + j;
+        if (other < begin || other >= end) continue;
         for (int y = 0; y < along.count; ++y) {
-          visit(row.plane + index * row.plane_step +
-                    static_cast<std::size_t>(across.first + j) * shape.stride +
+          visit(patch.plane + plane * patch.plane_step + static_cast<std::size_t>(other) * shape.stride +
                     static_cast<std::size_t>(along.first + y),
-                row.line + index * row.line_step + static_cast<std::size_t>(up),
+                patch.line + col * patch.line_step + static_cast<std::size_t>(up),
                 across.weight[j] * along.weight[y]);
         }
+      }
     }
   }
 }
 
 }  // namespace
 
-void add_forward_plain(const float* volume, const StripRow& row, const StripShape& shape, float* images) {
-  each_weight(row, shape, [&](std::size_t voxel, std::size_t pixel, float weight) {
+void add_forward_plain(const float* volume, const StripPatch& patch, const StripShape& shape, float* images) {
+  each_weight(patch, shape, 0, shape.others, [&](std::size_t voxel, std::size_t pixel, float weight) {
     images[pixel] += weight * volume[voxel];
   });
 }
 
-void add_adjoint_plain(const float* images, const StripRow& row, const StripShape& shape, float* volume) {
-  each_weight(row, shape, [&](std::size_t voxel, std::size_t pixel, float weight) {
+void add_adjoint_plain(const float* images, const StripPatch& patch, const StripShape& shape, float* volume) {
+  each_weight(patch, shape, shape.begin, shape.end, [&](std::size_t voxel, std::size_t pixel, float weight) {
     volume[voxel] += weight * images[pixel];
   });
 }

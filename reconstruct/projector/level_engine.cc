@@ -1,6 +1,8 @@
 #include "reconstruct/projector/level_engine.h"
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 
 #include "proto/check.h"
 
@@ -8,17 +10,28 @@ namespace flamefield {
 
 namespace {
 
-constexpr std::size_t kSlabFloats = 768 * 1024;  // of voxels that stay in cache while all views pass
-constexpr std::size_t kColumnsPerTask = 8;       // pixel columns, forward
-constexpr std::size_t kPlanesPerTask = 16;       // adjoint
-
-struct Workbench {
-  KernelScratch scratch;
-  LevelView::Strips strips;
+constexpr std::size_t kTileFloats = 128 * 1024;  // of voxels: half of a second-level cache
+// Planes of a patch, so that a first-level cache holds the voxel columns that neighbouring pixels share; and
+// of a slab, if the columns are long.
+struct Depth {
+  std::size_t patch_floats;
+  int slab;
 };
-Workbench& workbench() {
-  thread_local Workbench bench;
-  return bench;
+constexpr Depth kForward{1024, 8}, kAdjoint{1024, 4};
+constexpr int kColumnsPerTask = 8;  // pixel columns, forward, where one tile is all
+
+KernelScratch& scratch_for(const StripShape& shape) {
+  thread_local KernelScratch scratch;
+  scratch.fit(shape);
+  return scratch;
+}
+
+// Pixel columns of a run, ordered by where they meet the planes, that meet `low` to `high` somewhere.
+template <class Meets>
+LevelView::Run narrowed(LevelView::Run run, const Meets& meets) {
+  while (run.begin < run.end && !meets(run.begin)) ++run.begin;
+  while (run.begin < run.end && !meets(run.end - 1)) --run.end;
+  return run;
 }
 
 }  // namespace
@@ -37,6 +50,7 @@ std::string LevelEngine::obstacle(const std::vector<LevelView>& views) {
 LevelEngine::LevelEngine(std::vector<LevelView> views, const Layout& layout)
     : views_(std::move(views)), layout_(layout), lengths_(layout.pixels(), 0.0f) {
   expect(obstacle(views_).empty(), "the views can be factorised");
+  vectors_ = std::min(layout.nx, layout.nz) >= kFewestVectorColumns;
   for (const LevelView& view : views_) {
     vectors_ = vectors_ && view.smallest_m() >= kSmallestVectorM && view.largest_m() <= kLargestVectorM &&
                view.largest_half() <= kLargestVectorHalf;
@@ -48,15 +62,25 @@ LevelEngine::LevelEngine(std::vector<LevelView> views, const Layout& layout)
       }
 }
 
-LevelEngine::Walk LevelEngine::walk(bool along_z) const {
+LevelEngine::Walk LevelEngine::walk(bool along_z, std::size_t patch_floats, int slab) const {
   const std::size_t row = static_cast<std::size_t>(layout_.nx) * layout_.column;
-  Walk out{along_z, along_z ? layout_.nz : layout_.nx, along_z ? row : layout_.column, {}};
+  Walk out{along_z, along_z ? layout_.nz : layout_.nx, along_z ? row : layout_.column, {}, 0, 0, 0};
   out.shape.ny = layout_.ny;
   out.shape.column = layout_.column;
   out.shape.others = along_z ? layout_.nx : layout_.nz;
+  out.shape.end = out.shape.others;
   out.shape.stride = along_z ? layout_.column : row;
   out.shape.rows = layout_.rows;
   out.shape.line = layout_.line;
+  const auto deep = std::clamp<std::size_t>(patch_floats / layout_.column, 2, kPatch);
+  out.patch = static_cast<int>(std::bit_floor(deep));
+  out.slab = std::max(out.patch, slab);
+  const auto tile = static_cast<int>(kTileFloats / (static_cast<std::size_t>(out.slab) * layout_.column));
+  // The last tile is no smaller than the kernels want.
+  out.tile = std::max(tile, 4 * kFewestVectorColumns);
+  while (out.tiles() > 1 && out.shape.others % out.tile != 0 &&
+         out.shape.others % out.tile < kFewestVectorColumns)
+    ++out.tile;
   return out;
 }
 
@@ -67,9 +91,45 @@ StripShape LevelEngine::Walk::seen_by(const LevelView& view) const {
   return out;
 }
 
+StripPatch LevelEngine::patch(const Walk& w, std::size_t view, int col, int cols, int plane, int planes,
+                              LevelView::Strips& strips) const {
+  StripPatch out = views_[view].patch(col, cols, plane, planes, strips);
+  out.plane = static_cast<std::size_t>(plane) * w.plane_stride;
+  out.plane_step = w.plane_stride;
+  out.line = line(view, col);
+  out.line_step = layout_.line;
+  return out;
+}
+
+// visit(col, cols, plane, planes) for patches that cover some pixel columns and planes; the planes outside,
+// so that neighbouring pixel columns follow each other while the voxel columns that they share are in cache.
+template <class Visit>
+void LevelEngine::each_patch(const Walk& w, LevelView::Run cols, LevelView::Run planes, const Visit& visit) {
+  for (int plane = planes.begin; plane < planes.end; plane += w.patch) {
+    const int deep = std::min(w.patch, planes.end - plane), wide = kPatch / deep;
+    for (int col = cols.begin; col < cols.end; col += wide)
+      visit(col, std::min(wide, cols.end - col), plane, deep);
+  }
+}
+
+void LevelEngine::add_pixel_columns(const Walk& w, std::size_t view, LevelView::Run cols,
+                                    LevelView::Run planes, std::span<const float> volume,
+                                    std::span<const std::uint8_t> lit, std::span<float> projections) const {
+  const StripShape shape = w.seen_by(views_[view]);
+  KernelScratch& scratch = scratch_for(shape);
+  LevelView::Strips strips;
+  each_patch(w, cols, planes, [&](int col, int wide, int plane, int deep) {
+    const StripPatch p = patch(w, view, col, wide, plane, deep, strips);
+    if (vectors_) {
+      add_forward(volume.data(), lit.data(), p, shape, scratch, projections.data());
+    } else {
+      add_forward_plain(volume.data(), p, shape, projections.data());
+    }
+  });
+}
+
 void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
                           std::span<float> projections) const {
-  const auto cols = static_cast<std::size_t>(layout_.cols);
   // A flame leaves much of the box dark.
   std::vector<std::uint8_t> lit(volume.size() / layout_.column);
   team.run_ranges(lit.size(), 1024, [&](std::size_t begin, std::size_t end) {
@@ -78,43 +138,69 @@ void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::s
       lit[i] = std::any_of(column, column + layout_.ny, [](float v) { return v != 0; });
     }
   });
-  const auto add_planes = [&](const Walk& w, std::size_t v, int col, int from, int to) {
-    Workbench& bench = workbench();
-    bench.scratch.fit(w.shape);
-    const LevelView& view = views_[v];
-    view.strips_of_column(col, from, to - from, bench.strips);
-    StripRow row = bench.strips.row(to - from);
-    row.plane = static_cast<std::size_t>(from) * w.plane_stride;
-    row.plane_step = w.plane_stride;
-    row.line = line(v, col);
-    if (vectors_) {
-      add_forward(volume.data(), lit.data(), row, w.seen_by(view), bench.scratch, projections.data());
-    } else {
-      add_forward_plain(volume.data(), row, w.seen_by(view), projections.data());
-    }
+  const auto each_line = [&](const auto& work) {
+    team.run_ranges(views.size() * static_cast<std::size_t>(layout_.cols), 64,
+                    [&](std::size_t begin, std::size_t end) {
+                      for (std::size_t i = begin; i < end; ++i) {
+                        work(line(views[i / static_cast<std::size_t>(layout_.cols)],
+                                  static_cast<int>(i % static_cast<std::size_t>(layout_.cols))));
+                      }
+                    });
   };
+  each_line([&](std::size_t at) { std::fill_n(projections.data() + at, layout_.line, 0.0f); });
   for (const bool along_z : {true, false}) {
-    const Walk w = walk(along_z);
-    const std::size_t plane_floats = static_cast<std::size_t>(w.shape.others) * layout_.column;
-    const int slab = volume.size() < 2 * kSlabFloats
-                         ? w.planes
-                         : std::max(1, static_cast<int>(kSlabFloats / plane_floats));
+    const Walk w = walk(along_z, kForward.patch_floats, kForward.slab);
+    const int tiles = w.tiles(), slab = tiles == 1 ? w.planes : w.slab;
+    const int wide = tiles == 1 ? kColumnsPerTask : layout_.cols, parts = (layout_.cols + wide - 1) / wide;
     for (int from = 0; from < w.planes; from += slab) {
-      const int to = std::min(w.planes, from + slab);
-      team.run_ranges(views.size() * cols, kColumnsPerTask, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-          const std::size_t view = views[i / cols];
-          const int col = static_cast<int>(i % cols);
-          float* pixels = projections.data() + line(view, col);
-          if (along_z && from == 0) std::fill(pixels, pixels + layout_.line, 0.0f);
-          if (views_[view].along_z(col) == along_z) add_planes(w, view, col, from, to);
-          if (!along_z && to == w.planes) {
-            const float* lengths = lengths_.data() + line(view, col);
-            for (std::size_t up = 0; up < layout_.line; ++up) pixels[up] *= lengths[up];
-          }
-        }
-      });
+      const LevelView::Run planes{from, std::min(w.planes, from + slab)};
+      // Each pixel column belongs to one tile of the slab, so that no two tasks share one.
+      const auto is_in = [&](const LevelView& view, int col, int tile) {
+        const double at = view.crossing(col, (planes.begin + planes.end) / 2) / static_cast<float>(w.tile);
+        return tile == static_cast<int>(std::clamp(std::floor(at), 0.0, tiles - 1.0));
+      };
+      team.run(static_cast<std::size_t>(tiles) * views.size() * static_cast<std::size_t>(parts),
+               [&](std::size_t task) {
+                 const int part = static_cast<int>(task % static_cast<std::size_t>(parts));
+                 const std::size_t v = views[task / static_cast<std::size_t>(parts) % views.size()];
+                 const int tile = static_cast<int>(task / static_cast<std::size_t>(parts) / views.size());
+                 for (LevelView::Run run : views_[v].runs(along_z)) {
+                   run = {std::max(run.begin, part * wide), std::min(run.end, (part + 1) * wide)};
+                   if (tiles > 1) run = narrowed(run, [&](int col) { return is_in(views_[v], col, tile); });
+                   add_pixel_columns(w, v, run, planes, volume, lit, projections);
+                 }
+               });
     }
+  }
+  each_line([&](std::size_t at) {
+    const auto rows = static_cast<std::size_t>(layout_.rows);
+    for (std::size_t i = at; i < at + rows; ++i) projections[i] *= lengths_[i];
+    std::fill_n(projections.data() + at + rows, layout_.line - rows, 0.0f);
+  });
+}
+
+void LevelEngine::add_tile(const Walk& w, std::size_t view, LevelView::Run planes, LevelView::Run tile,
+                           std::span<const float> weighted, std::span<float> volume) const {
+  const LevelView& geometry = views_[view];
+  StripShape shape = w.seen_by(geometry);
+  shape.begin = tile.begin, shape.end = tile.end;
+  KernelScratch& scratch = scratch_for(shape);
+  LevelView::Strips strips;
+  const double reach = 2 + geometry.largest_half();
+  const auto meets = [&](int col) {
+    const auto [low, high] =
+        std::minmax({geometry.crossing(col, planes.begin), geometry.crossing(col, planes.end - 1)});
+    return low < tile.end + reach && high > tile.begin - reach;
+  };
+  for (const LevelView::Run& run : geometry.runs(w.along_z)) {
+    each_patch(w, narrowed(run, meets), planes, [&](int col, int wide, int plane, int deep) {
+      const StripPatch p = patch(w, view, col, wide, plane, deep, strips);
+      if (vectors_) {
+        add_adjoint(weighted.data(), p, shape, scratch, volume.data());
+      } else {
+        add_adjoint_plain(weighted.data(), p, shape, volume.data());
+      }
+    });
   }
 }
 
@@ -122,50 +208,33 @@ void LevelEngine::adjoint(Team& team, std::span<const std::size_t> views, std::s
                           std::span<float> volume) const {
   // Lengths are applied once; what is left is the transpose of blend and resample.
   std::vector<float> weighted(projections.size());
-  team.run_ranges(
-      views.size() * static_cast<std::size_t>(layout_.cols), 64, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-          const std::size_t at = line(views[i / static_cast<std::size_t>(layout_.cols)],
-                                      static_cast<int>(i % static_cast<std::size_t>(layout_.cols)));
-          for (std::size_t p = at; p < at + layout_.line; ++p) weighted[p] = projections[p] * lengths_[p];
-        }
-      });
-  const auto add_views = [&](const Walk& w, int from, int count) {
-    Workbench& bench = workbench();
-    bench.scratch.fit(w.shape);
-    for (const std::size_t v : views) {
-      const LevelView& view = views_[v];
-      const StripShape shape = w.seen_by(view);
-      for (const LevelView::Run& run : view.runs(w.along_z))
-        for (int col = run.begin; col < run.end; ++col) {
-          view.strips_of_column(col, from, count, bench.strips);
-          StripRow row = bench.strips.row(count);
-          row.plane = static_cast<std::size_t>(from) * w.plane_stride;
-          row.plane_step = w.plane_stride;
-          row.line = line(v, col);
-          if (vectors_) {
-            add_adjoint(weighted.data(), row, shape, bench.scratch, volume.data());
-          } else {
-            add_adjoint_plain(weighted.data(), row, shape, volume.data());
-          }
-        }
+  const auto cols = static_cast<std::size_t>(layout_.cols);
+  team.run_ranges(views.size() * cols, 64, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::size_t at = line(views[i / cols], static_cast<int>(i % cols));
+      for (std::size_t p = at; p < at + layout_.line; ++p) weighted[p] = projections[p] * lengths_[p];
     }
-  };
+  });
   for (const bool along_z : {true, false}) {
-    const Walk w = walk(along_z);
-    team.run_ranges(
-        static_cast<std::size_t>(w.planes), kPlanesPerTask, [&](std::size_t begin, std::size_t end) {
-          const auto column = [&](std::size_t plane, int other) {
-            return volume.data() + plane * w.plane_stride + static_cast<std::size_t>(other) * w.shape.stride;
-          };
-          if (along_z) std::fill(column(begin, 0), column(end, 0), 0.0f);
-          add_views(w, static_cast<int>(begin), static_cast<int>(end - begin));
-          if (along_z) return;
-          for (std::size_t plane = begin; plane < end; ++plane)
-            for (int other = 0; other < w.shape.others; ++other) {
-              std::fill(column(plane, other) + layout_.ny, column(plane, other) + layout_.column, 0.0f);
-            }
-        });
+    const Walk w = walk(along_z, kAdjoint.patch_floats, kAdjoint.slab);
+    const int tiles = w.tiles(), slabs = (w.planes + w.slab - 1) / w.slab;
+    team.run(static_cast<std::size_t>(slabs) * static_cast<std::size_t>(tiles), [&](std::size_t task) {
+      const int from = static_cast<int>(task) / tiles * w.slab,
+                first = static_cast<int>(task) % tiles * w.tile;
+      const LevelView::Run planes{from, std::min(w.planes, from + w.slab)};
+      const LevelView::Run tile{first, std::min(w.shape.others, first + w.tile)};
+      const auto each_column = [&](const auto& work) {
+        for (int plane = planes.begin; plane < planes.end; ++plane)
+          for (int other = tile.begin; other < tile.end; ++other) {
+            work(volume.data() + static_cast<std::size_t>(plane) * w.plane_stride +
+                 static_cast<std::size_t>(other) * w.shape.stride);
+          }
+      };
+      if (along_z) each_column([&](float* column) { std::fill_n(column, layout_.column, 0.0f); });
+      for (const std::size_t v : views) add_tile(w, v, planes, tile, weighted, volume);
+      if (along_z) return;
+      each_column([&](float* column) { std::fill(column + layout_.ny, column + layout_.column, 0.0f); });
+    });
   }
 }
 
@@ -180,7 +249,7 @@ void LevelEngine::column(std::size_t voxel, std::vector<ColumnEntry>& entries) c
     for (int col = near.begin; col < near.end; ++col) {
       const bool along_z = view.along_z(col);
       const int plane = along_z ? z : x, other = along_z ? x : z;
-      view.strips_of_column(col, plane, 1, strips);
+      view.patch(col, 1, plane, 1, strips);
       const Footprint across = footprint(strips.q[0], strips.half[0], along_z ? layout_.nx : layout_.nz);
       if (other < across.first || other >= across.first + across.count) continue;
       const double m = strips.m[0], half_px = strips.half_px[0];

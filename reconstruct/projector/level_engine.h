@@ -27,15 +27,29 @@ class LevelEngine : public ProjectorEngine {
   std::string name() const override;
 
  private:
-  // The volume as seen along a main direction: planes of voxel columns.
+  // The volume as seen along a main direction: planes of voxel columns, in slabs of planes and, within a
+  // slab, tiles of neighbouring voxel columns that stay in cache while all views pass.
   struct Walk {
     bool along_z;
     int planes;
     std::size_t plane_stride;  // floats from plane to plane
     StripShape shape;          // but for what depends on the view
+    int slab, tile;            // planes; voxel columns
+    int patch;                 // planes of a patch
+
     StripShape seen_by(const LevelView& view) const;
+    int tiles() const { return (shape.others + tile - 1) / tile; }
   };
-  Walk walk(bool along_z) const;
+  Walk walk(bool along_z, std::size_t patch_floats, int slab) const;
+  StripPatch patch(const Walk& w, std::size_t view, int col, int cols, int plane, int planes,
+                   LevelView::Strips& strips) const;
+  template <class Visit>
+  static void each_patch(const Walk& w, LevelView::Run cols, LevelView::Run planes, const Visit& visit);
+  void add_pixel_columns(const Walk& w, std::size_t view, LevelView::Run cols, LevelView::Run planes,
+                         std::span<const float> volume, std::span<const std::uint8_t> lit,
+                         std::span<float> projections) const;
+  void add_tile(const Walk& w, std::size_t view, LevelView::Run planes, LevelView::Run tile,
+                std::span<const float> weighted, std::span<float> volume) const;
   std::size_t line(std::size_t view, int col) const {
     return layout_.pixel(static_cast<int>(view), layout_.rows - 1, col);
   }

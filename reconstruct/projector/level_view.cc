@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "proto/check.h"
+
 namespace flamefield {
 
 bool is_level(const Camera& camera, double tolerance_px) {
@@ -28,8 +30,11 @@ LevelView::LevelView(const Camera& camera, const Grid& grid, const PixelModel& m
       focal_up_px_(camera.fy_px),
       axis_up_(camera.image_height_px - 1 - camera.cy_px),
       height_((camera.centre_mm().y() - grid.origin_mm.y()) / grid.spacing_mm.y()),
+      planes_along_z_(grid.nz),
+      planes_along_x_(grid.nx),
       smallest_m_(std::numeric_limits<double>::infinity()),
       nearest_m_(std::numeric_limits<double>::infinity()) {
+  if (model_.aperture_mm <= 0) bare_half_px_ = half_px(0);
   const Eigen::Vector3d centre = camera.centre_mm(), s = grid.spacing_mm, o = grid.origin_mm;
   const Eigen::Matrix3d& r = camera.camera_from_world.rotation;
   const Eigen::Vector3d right = r.row(0), forward = r.row(2);
@@ -60,6 +65,10 @@ LevelView::LevelView(const Camera& camera, const Grid& grid, const PixelModel& m
     runs.back().end = col + 1;
     note_extremes(static_cast<std::size_t>(col), planes, along_z ? grid.nx : grid.nz);
   }
+  const double reach_px = std::max(axis_up_, camera.image_height_px - 1 - axis_up_);
+  double most_growth = 0;
+  for (float step : m_.step) most_growth = std::max<double>(most_growth, std::abs(step));
+  if (model.area && most_growth / 2 * reach_px <= kMostShift_voxels) alike_ = 2;
 }
 
 // Sizes matter only where the column's lines of sight are near the box.
@@ -87,50 +96,40 @@ float LevelView::half_px(float depth_mm) const {
   return 0.5f * std::sqrt(pixel_px * pixel_px + 0.75f * circle_px * circle_px);
 }
 
-void LevelView::Strips::resize(int count) {
-  const std::size_t size = (static_cast<std::size_t>(count) + 15) / 16 * 16;
-  for (std::vector<float>* v : {&q, &half, &m, &half_px}) v->resize(size, 1.0f);
+// The plane, as a fraction, whose pixel size `plane` takes.
+float LevelView::middle(int plane, int planes) const {
+  const int first = plane / alike_ * alike_;
+  return first + 1 < planes && alike_ == 2 ? static_cast<float>(first) + 0.5f : static_cast<float>(plane);
 }
 
-void LevelView::strips_of_column(int col, int from_plane, int count, Strips& out) const {
-  out.resize(count);
-  const auto c = static_cast<std::size_t>(col);
-  const auto line = [&](const Linear& linear, std::vector<float>& values) {
-    const float at0 = linear.at0[c], step = linear.step[c];
-    float* to = values.data();
-    for (int i = 0; i < count; ++i) to[i] = at0 + static_cast<float>(from_plane + i) * step;
-  };
-  line(q_, out.q);
-  line(half_, out.half);
-  line(m_, out.m);
-  if (model_.aperture_mm > 0) line(depth_mm_, out.half_px);
-  average(count, out);
-}
-
-void LevelView::strips_of_plane(int plane, int from_col, int count, Strips& out) const {
-  out.resize(count);
-  const auto line = [&](const Linear& linear, std::vector<float>& values) {
-    const float *at0 = linear.at0.data() + from_col, *step = linear.step.data() + from_col;
-    const auto k = static_cast<float>(plane);
-    float* to = values.data();
-    for (int i = 0; i < count; ++i) to[i] = at0[i] + k * step[i];
-  };
-  line(q_, out.q);
-  line(half_, out.half);
-  line(m_, out.m);
-  if (model_.aperture_mm > 0) line(depth_mm_, out.half_px);
-  average(count, out);
-}
-
-// From half widths of bare pixels (and depths in half_px) to what pixels average over.
-void LevelView::average(int count, Strips& out) const {
-  float *half = out.half.data(), *px = out.half_px.data();
-  if (model_.aperture_mm > 0) {
-    for (int i = 0; i < count; ++i) px[i] = half_px(px[i]);
-  } else {
-    std::fill(px, px + count, half_px(0));
+StripPatch LevelView::patch(int col, int cols, int plane, int planes, Strips& out) const {
+  expect(cols * planes <= kPatch && (planes == 1 || plane % alike_ == 0),
+         "a patch is small and parts no planes that are alike");
+  const int all = along_z(col) ? planes_along_z_ : planes_along_x_;
+  float exact[kPatch], shared[kPatch];
+  for (int i = 0; i < planes; ++i)
+    exact[i] = static_cast<float>(plane + i), shared[i] = middle(plane + i, all);
+  for (int i = 0; i < cols; ++i) {
+    const auto c = static_cast<std::size_t>(col + i);
+    const int first = i * planes;
+    const auto line = [&](const Linear& linear, const float* at, float* values) {
+      const float at0 = linear.at0[c], step = linear.step[c];
+      for (int k = 0; k < planes; ++k) values[first + k] = at0 + at[k] * step;
+    };
+    line(q_, exact, out.q);
+    line(half_, exact, out.half);
+    line(m_, shared, out.m);
+    if (model_.aperture_mm > 0) line(depth_mm_, shared, out.half_px);
   }
-  for (int i = 0; i < count; ++i) half[i] *= 2 * px[i];
+  for (int i = 0; i < cols * planes; ++i) {
+    out.half_px[i] = model_.aperture_mm > 0 ? half_px(out.half_px[i]) : bare_half_px_;
+    out.half[i] *= 2 * out.half_px[i];
+  }
+  StripPatch patch;
+  patch.cols = cols, patch.planes = planes;
+  patch.q = out.q, patch.half = out.half, patch.m = out.m, patch.half_px = out.half_px;
+  patch.alike = alike_;
+  return patch;
 }
 
 LevelView::Run LevelView::near(int x, int z) const {

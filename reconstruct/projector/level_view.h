@@ -36,15 +36,23 @@ class LevelView {
   // Runs of neighbouring pixel columns with one main direction.
   const std::vector<Run>& runs(bool along_z) const { return along_z ? runs_along_z_ : runs_along_x_; }
 
-  // The strips of one pixel column on planes from, from + 1, ..., or of pixel columns from, ... on one plane;
-  // q, half, m and half_px of StripRow, padded to whole blocks of 16.
+  // q, half, m and half_px of a StripPatch.
   struct Strips {
-    std::vector<float> q, half, m, half_px;
-    void resize(int count);
-    StripRow row(int count) const { return {count, q.data(), half.data(), m.data(), half_px.data()}; }
+    float q[kPatch] = {}, half[kPatch] = {}, m[kPatch] = {}, half_px[kPatch] = {};
   };
-  void strips_of_column(int col, int from_plane, int count, Strips& out) const;
-  void strips_of_plane(int plane, int from_col, int count, Strips& out) const;
+  // Pixel columns col, ... on planes plane, ... of their main direction.
+  StripPatch patch(int col, int cols, int plane, int planes, Strips& out) const;
+
+  // Planes 0 and 1, 2 and 3, ... share one size of pixels, that between them, where this moves no line of
+  // sight by more than kMostShift: half as many columns to resample. Only for pixels of finite size: what the
+  // model of a central ray is for is comparison with others.
+  int alike() const { return alike_; }
+  static constexpr double kMostShift_voxels = 0.09;
+
+  // Where a pixel column's line of sight meets a plane, voxels on the other horizontal axis.
+  float crossing(int col, int plane) const {
+    return q_.at(static_cast<std::size_t>(col), static_cast<float>(plane));
+  }
 
   double height() const { return height_; }    // of the camera's centre above voxel row 0, voxels
   double axis_up() const { return axis_up_; }  // of the principal point above the bottom row, px
@@ -68,7 +76,7 @@ class LevelView {
     float at(std::size_t col, float k) const { return at0[col] + k * step[col]; }
   };
   float half_px(float depth_mm) const;
-  void average(int count, Strips& out) const;
+  float middle(int plane, int planes) const;
   void note_extremes(std::size_t col, int planes, int others);
 
   PixelModel model_;
@@ -76,6 +84,8 @@ class LevelView {
   double axis_px_;
   float focal_px_;
   double focal_up_px_, axis_up_, height_;
+  float bare_half_px_ = 0;  // without a lens
+  int planes_along_z_, planes_along_x_, alike_ = 1;
   std::vector<std::uint8_t> along_z_;
   std::vector<Run> runs_along_z_, runs_along_x_;
   Linear q_, half_, m_, depth_mm_;  // half: of the bare pixel's width

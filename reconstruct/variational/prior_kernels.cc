@@ -15,6 +15,7 @@ namespace hn = hwy::HWY_NAMESPACE;
 using Float = hn::CappedTag<float, 16>;  // columns are padded to 16
 using V = hn::Vec<Float>;
 constexpr Float kF{};
+constexpr hn::RebindToSigned<Float> kI{};
 constexpr std::size_t kLanes = hn::MaxLanes(kF);
 
 HWY_INLINE V load(const float* at) {
@@ -22,6 +23,14 @@ HWY_INLINE V load(const float* at) {
 }
 HWY_INLINE V set(float value) {
   return hn::Set(kF, value);
+}
+// Voxels y - 1 of a column; below its bottom zero, not what lies there: another thread may be writing it.
+HWY_INLINE V below(const float* column, std::size_t y) {
+  if (y > 0) return load(column + y - 1);
+  const auto lane = hn::Iota(kI, 0), zero = hn::Zero(kI);
+  const auto shifted = hn::IndicesFromVec(kF, hn::Max(zero, hn::Sub(lane, hn::Set(kI, 1))));
+  return hn::IfThenElseZero(hn::RebindMask(kF, hn::Gt(lane, zero)),
+                            hn::TableLookupLanes(load(column), shifted));
 }
 
 // First voxels of the columns around column (x, z); where the box ends, of the column itself.
@@ -155,8 +164,7 @@ double HessianNorm(const PriorShape& s, int z, const float* x) {
 }
 
 // Second differences with flat ends are their own transpose. A first difference, mixed ones too, has a zero
-// dual where it would leave the box, at the top as well, so that y - 1 at the bottom of a column reads the
-// zero top of the one before.
+// dual where it would leave the box.
 struct HessianColumns {
   Around xx, zz;
   const float* yy;
@@ -174,10 +182,10 @@ struct HessianColumns {
       const V c = load(at + y);
       return hn::Sub(hn::Sub(load(after + y), c), hn::Sub(c, load(before + y)));
     };
-    const auto fall = [&](const float* column) { return hn::Sub(load(column + y), load(column + y - 1)); };
+    const auto fall = [&](const float* column) { return hn::Sub(load(column + y), below(column, y)); };
     const V c = load(yy + y);
     const V along_y = hn::Sub(hn::Mul(load(s.below_top + y), hn::Sub(load(yy + y + 1), c)),
-                              hn::Mul(load(s.below_top + y - 1), hn::Sub(c, load(yy + y - 1))));
+                              hn::Mul(load(s.below_top + y - 1), hn::Sub(c, below(yy, y))));
     V sum = hn::Mul(scale[0], second(xx.left, xx.at, xx.right));
     sum = hn::MulAdd(scale[1], along_y, sum);
     sum = hn::MulAdd(scale[2], second(zz.front, zz.at, zz.back), sum);
@@ -197,7 +205,7 @@ struct GradientColumns {
 
   HWY_INLINE V adjoint(const V (&scale)[3], std::size_t at) const {
     V sum = hn::Mul(scale[0], hn::Sub(load(x.left + at), load(x.at + at)));
-    sum = hn::MulAdd(scale[1], hn::Sub(load(y.at + at - 1), load(y.at + at)), sum);
+    sum = hn::MulAdd(scale[1], hn::Sub(below(y.at, at), load(y.at + at)), sum);
     return hn::MulAdd(scale[2], hn::Sub(load(z.front + at), load(z.at + at)), sum);
   }
 };

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "tests/cli/program.h"
+#include "tests/support/slowdown.h"
 
 namespace flamefield {
 namespace {
@@ -57,7 +58,8 @@ TEST(Bench, SkipsSizesThatDoNotFitAndSaysWhy) {
 }
 
 TEST(Bench, RunsTheEvolutionarySolver) {
-  const ProgramResult result = bench("ert --size 10,10,10 --views 4 --spacing-deg 45 --seconds 1 --json");
+  const ProgramResult result = bench(
+      concat("ert --size 10,10,10 --views 4 --spacing-deg 45 --json --seconds ", testing_support::kSlowdown));
   ASSERT_EQ(result.exit_code, 0) << result.err;
   EXPECT_GT(json_number(result.out, "iterations"), 0);
   EXPECT_GT(json_number(result.out, "pearson"), 0.3);

@@ -27,10 +27,13 @@ void on_every_target(const Body& body) {
   choose(0);
 }
 
-// A row of strips with everything that occurs: lines of sight inside, at and beyond the faces of the box,
-// pixels of all sizes that the vector kernels take, images larger and smaller than the box.
+// Patches of strips with everything that occurs: lines of sight inside, at and beyond the faces of the box,
+// pixels of all sizes that the vector kernels take, images larger and smaller than the box, part of the
+// columns out of bounds.
 struct Scene {
+  static constexpr std::size_t kPatches = 3;
   StripShape shape;
+  int cols = 0, planes = 0, alike = 1;
   std::vector<float> q, half, m, half_px;
   std::vector<float> volume, images;
 
@@ -38,36 +41,49 @@ struct Scene {
     Stream stream(seed, 0);
     shape.ny = 1 + static_cast<int>(stream.below(70));
     shape.rows = 1 + static_cast<int>(stream.below(90));
-    shape.others = 1 + static_cast<int>(stream.below(9));
+    shape.others = kFewestVectorColumns + static_cast<int>(stream.below(9));
+    shape.begin =
+        static_cast<int>(stream.below(static_cast<std::size_t>(shape.others - kFewestVectorColumns + 1)));
+    shape.end = shape.begin + kFewestVectorColumns +
+                static_cast<int>(stream.below(
+                    static_cast<std::size_t>(shape.others - shape.begin - kFewestVectorColumns + 1)));
     shape.column = static_cast<std::size_t>((shape.ny + 15) / 16 * 16);
     shape.line = static_cast<std::size_t>((shape.rows + 15) / 16 * 16);
     shape.stride = shape.column;
     shape.axis_up = stream.uniform() * 2 * shape.rows - shape.rows / 2.0;
     shape.height = shape.ny / 2.0 + 10 * stream.uniform();
-    const bool area = stream.uniform() < 0.7;
-    for (int i = 0; i < 48; ++i) {
-      m.push_back(static_cast<float>(0.5 + 1.25 * stream.uniform()));
-      half_px.push_back(area ? static_cast<float>(std::min(1.0 / m.back(), 0.2 + stream.uniform())) : 0.0f);
-      half.push_back(area ? static_cast<float>(0.1 + 0.9 * stream.uniform()) : 0.0f);
+    const bool area = stream.uniform() < 0.7, narrow = stream.uniform() < 0.5;
+    alike = stream.uniform() < 0.5 ? 2 : 1;
+    planes = 1 + static_cast<int>(stream.below(kPatch));
+    cols = kPatch / planes;
+    for (int i = 0; i < static_cast<int>(kPatches) * kPatch; ++i) {
+      const int plane = i % kPatch % planes;
+      if (alike == 2 && plane % 2 == 1 && i % kPatch < cols * planes) {  // as the plane before
+        m.push_back(m.back());
+        half_px.push_back(half_px.back());
+      } else {
+        m.push_back(static_cast<float>(0.5 + 1.25 * stream.uniform()));
+        half_px.push_back(area ? static_cast<float>(std::min(1.0 / m.back(), 0.2 + stream.uniform())) : 0.0f);
+      }
+      half.push_back(area ? static_cast<float>(0.1 + (narrow ? 0.4 : 0.9) * stream.uniform()) : 0.0f);
       q.push_back(static_cast<float>(stream.uniform() * (shape.others + 4) - 2.5));
     }
-    volume = random_values(shape.column * static_cast<std::size_t>(shape.others) * 40, seed + 1);
+    volume =
+        random_values(shape.column * static_cast<std::size_t>(shape.others) * kPatches * kPatch, seed + 1);
     for (std::size_t i = 0; i < volume.size(); ++i)
       if (i % shape.column >= static_cast<std::size_t>(shape.ny)) volume[i] = 0;
-    images = random_values(shape.line * 40, seed + 2);
+    images = random_values(shape.line * kPatches * kPatch, seed + 2);
     for (std::size_t i = 0; i < images.size(); ++i)
       if (i % shape.line >= static_cast<std::size_t>(shape.rows)) images[i] = 0;
   }
-  StripRow row() const {
-    return {40,
-            q.data(),
-            half.data(),
-            m.data(),
-            half_px.data(),
-            0,
-            shape.column * static_cast<std::size_t>(shape.others),
-            0,
-            shape.line};
+  // work(patch) for patches that lie one behind the other.
+  template <class Work>
+  void each_patch(const Work& work) const {
+    for (std::size_t i = 0; i < kPatches; ++i) {
+      const std::size_t at = i * kPatch, plane = shape.column * static_cast<std::size_t>(shape.others);
+      work(StripPatch{cols, planes, &q[at], &half[at], &m[at], &half_px[at], alike, at * plane, plane,
+                      at * shape.line, shape.line});
+    }
   }
   // Largest difference where it counts; padding may hold anything.
   static double difference(const std::vector<float>& a, const std::vector<float>& b, std::size_t pitch,
@@ -87,8 +103,10 @@ void poison(const Scene& scene, KernelScratch& scratch) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   std::vector<float> volume(scene.volume.size(), kNan), images(scene.images.size(), kNan);
   const std::vector<std::uint8_t> lit(volume.size() / scene.shape.column, 1);
-  add_forward(volume.data(), lit.data(), scene.row(), scene.shape, scratch, images.data());
-  add_adjoint(images.data(), scene.row(), scene.shape, scratch, volume.data());
+  scene.each_patch([&](const StripPatch& patch) {
+    add_forward(volume.data(), lit.data(), patch, scene.shape, scratch, images.data());
+    add_adjoint(images.data(), patch, scene.shape, scratch, volume.data());
+  });
 }
 
 TEST(ColumnKernels, VectorsGiveWhatThePlainLoopsGiveOnEveryInstructionSet) {
@@ -102,12 +120,14 @@ TEST(ColumnKernels, VectorsGiveWhatThePlainLoopsGiveOnEveryInstructionSet) {
       poison(scene, scratch);
       const std::vector<std::uint8_t> lit(scene.volume.size() / scene.shape.column, 1);
       std::vector<float> lines(scene.images.size(), 0), plain_lines(lines);
-      add_forward(scene.volume.data(), lit.data(), scene.row(), scene.shape, scratch, lines.data());
-      add_forward_plain(scene.volume.data(), scene.row(), scene.shape, plain_lines.data());
-      ASSERT_LT(Scene::difference(lines, plain_lines, scene.shape.line, scene.shape.rows), 3e-5);
       std::vector<float> columns(scene.volume.size(), 0), plain_columns(columns);
-      add_adjoint(scene.images.data(), scene.row(), scene.shape, scratch, columns.data());
-      add_adjoint_plain(scene.images.data(), scene.row(), scene.shape, plain_columns.data());
+      scene.each_patch([&](const StripPatch& patch) {
+        add_forward(scene.volume.data(), lit.data(), patch, scene.shape, scratch, lines.data());
+        add_forward_plain(scene.volume.data(), patch, scene.shape, plain_lines.data());
+        add_adjoint(scene.images.data(), patch, scene.shape, scratch, columns.data());
+        add_adjoint_plain(scene.images.data(), patch, scene.shape, plain_columns.data());
+      });
+      ASSERT_LT(Scene::difference(lines, plain_lines, scene.shape.line, scene.shape.rows), 3e-5);
       ASSERT_LT(Scene::difference(columns, plain_columns, scene.shape.column, scene.shape.ny), 3e-5);
     }
   });
