@@ -10,15 +10,34 @@
 
 namespace flamefield {
 
+namespace {
+
+// Loops follow each other within microseconds; waking a sleeping thread takes longer than many of them. So
+// threads look a while before they sleep: about 20 us.
+constexpr int kLooks = 500;
+
+template <class Condition>
+bool comes_soon(const Condition& condition) {
+  for (int i = 0; i < kLooks; ++i) {
+    if (condition()) return true;
+#if defined(__x86_64__)
+    __builtin_ia32_pause();
+#endif
+  }
+  return false;
+}
+
+}  // namespace
+
 struct Team::State {
   std::mutex mutex;
   std::condition_variable wake, done;
   const std::function<void(std::size_t)>* body = nullptr;
   std::size_t blocks = 0;
   std::atomic<std::size_t> next{0};
-  std::size_t round = 0;  // which call of run() the helpers have seen
-  int busy = 0;           // helpers still in this round
-  bool quit = false;
+  std::atomic<std::size_t> round{0};  // calls of run() so far
+  std::atomic<int> busy{0};           // helpers still in this round
+  std::atomic<bool> quit{false};
   std::exception_ptr error;
   std::vector<std::thread> helpers;
 
@@ -36,16 +55,17 @@ struct Team::State {
   }
 
   void help() {
-    std::size_t seen = 0;
-    std::unique_lock lock(mutex);
-    for (;;) {
-      wake.wait(lock, [&] { return quit || round != seen; });
+    for (std::size_t seen = 0;; ++seen) {
+      const auto called = [&] { return quit || round != seen; };
+      if (!comes_soon(called)) {
+        std::unique_lock lock(mutex);
+        wake.wait(lock, called);
+      }
       if (quit) return;
-      seen = round;
-      lock.unlock();
       work();
-      lock.lock();
-      if (--busy == 0) done.notify_one();
+      if (--busy > 0) continue;
+      const std::lock_guard lock(mutex);  // whoever waits either sleeps already or will see busy == 0
+      done.notify_one();
     }
   }
 };
@@ -76,19 +96,22 @@ void Team::run(std::size_t blocks, const std::function<void(std::size_t)>& body)
     for (std::size_t block = 0; block < blocks; ++block) body(block);
     return;
   }
+  s.body = &body;
+  s.blocks = blocks;
+  s.next = 0;
+  s.error = nullptr;
+  s.busy = static_cast<int>(s.helpers.size());
   {
     const std::lock_guard lock(s.mutex);
-    s.body = &body;
-    s.blocks = blocks;
-    s.next = 0;
-    s.error = nullptr;
-    s.busy = static_cast<int>(s.helpers.size());
     ++s.round;
   }
   s.wake.notify_all();
   s.work();
-  std::unique_lock lock(s.mutex);
-  s.done.wait(lock, [&] { return s.busy == 0; });
+  const auto finished = [&] { return s.busy == 0; };
+  if (!comes_soon(finished)) {
+    std::unique_lock lock(s.mutex);
+    s.done.wait(lock, finished);
+  }
   if (s.error) std::rethrow_exception(s.error);
 }
 
