@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <compare>
 
 namespace flamefield {
 
@@ -12,44 +13,76 @@ std::vector<SettingField> fields_of(NoiseModel& o) {
 
 namespace {
 
-// Standard deviation of the noise behind differences that are N(0, 36 sigma^2), from their median size.
-double robust_sigma(std::vector<float>& sizes) {
-  if (sizes.empty()) return 0;
-  const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
-  std::nth_element(sizes.begin(), middle, sizes.end());
-  return *middle / 0.6745 / 6;
+constexpr std::size_t kClasses = 8;
+constexpr std::size_t kEnough = 200000;  // samples; of larger images every so many-th pixel is looked at
+
+struct Sample {
+  float brightness;  // sum over 3 x 3 pixels
+  float detail;      // |second difference along both axes|
+  auto operator<=>(const Sample&) const = default;
+};
+
+std::vector<Sample> samples_of(std::span<const float> images, const Layout& l) {
+  const auto cols = static_cast<std::size_t>(std::max(l.cols - 2, 0)),
+             rows = static_cast<std::size_t>(std::max(l.rows - 2, 0)),
+             views = static_cast<std::size_t>(l.views);
+  const std::size_t stride = cols * rows * views / kEnough + 1;
+  std::vector<Sample> out;
+  for (std::size_t i = 0; i < cols * rows * views; i += stride) {
+    const std::size_t row = i % rows, col = i / rows % cols, view = i / rows / cols;
+    const float* at = images.data() + view * l.pixels_per_view() + col * l.line + row;
+    float sum = 0, along[3];
+    for (std::size_t c = 0; c < 3; ++c, at += l.line) {
+      sum += at[0] + at[1] + at[2];
+      along[c] = at[0] - 2 * at[1] + at[2];
+    }
+    out.push_back({sum, std::abs(along[0] - 2 * along[1] + along[2])});
+  }
+  return out;
 }
 
 }  // namespace
 
+std::vector<NoiseClass> noise_by_brightness(std::span<const float> images, const Layout& layout) {
+  std::vector<Sample> samples = samples_of(images, layout);
+  if (samples.size() < kClasses) return {};
+  std::ranges::sort(samples);
+  std::vector<NoiseClass> out(kClasses);
+  for (std::size_t c = 0; c < kClasses; ++c) {
+    const auto at = [&](std::size_t share) {
+      return samples.begin() + static_cast<std::ptrdiff_t>(samples.size() * share / kClasses);
+    };
+    const auto begin = at(c), end = at(c + 1), middle = begin + (end - begin) / 2;
+    for (auto s = begin; s != end; ++s) out[c].brightness += static_cast<double>(s->brightness) / 9;
+    out[c].brightness /= static_cast<double>(end - begin);
+    std::ranges::nth_element(begin, middle, end, {}, &Sample::detail);
+    // The median of |N(0, 1)| is 0.6745; the squares of the nine coefficients sum to 36.
+    out[c].variance = std::pow(static_cast<double>(middle->detail) / (0.6745 * 6), 2);
+  }
+  return out;
+}
+
+double noise_level(std::span<const float> images, const Layout& layout) {
+  double square = 0;
+  for (const NoiseClass& c : noise_by_brightness(images, layout)) square += c.variance / kClasses;
+  return std::sqrt(square);
+}
+
 NoiseModel estimate_noise(std::span<const float> images, const Layout& layout) {
-  constexpr float kBright = 0.2f;  // of local means: dark below a quarter of it
-  std::vector<float> dark, bright;
-  double bright_sum = 0;
-  for (int v = 0; v < layout.views; ++v)
-    for (int col = 1; col + 1 < layout.cols; ++col) {
-      const auto at = [&](int row, int c) { return images[layout.pixel(v, row, c)]; };
-      for (int row = 1; row + 1 < layout.rows; ++row) {
-        const float centre = at(row, col);
-        const float sides = at(row - 1, col) + at(row + 1, col) + at(row, col - 1) + at(row, col + 1);
-        const float corners =
-            at(row - 1, col - 1) + at(row - 1, col + 1) + at(row + 1, col - 1) + at(row + 1, col + 1);
-        const float size = std::abs(4 * centre - 2 * sides + corners), mean = (centre + sides + corners) / 9;
-        if (mean > kBright) {
-          bright.push_back(size);
-          bright_sum += mean;
-        } else if (mean < kBright / 4) {
-          dark.push_back(size);
-        }
-      }
-    }
-  const double bright_mean = bright.empty() ? 0 : bright_sum / static_cast<double>(bright.size());
+  constexpr double kLeastVariance = 1e-10;  // of a class in which nothing varies
+  double one = 0, b = 0, bb = 0, v = 0, bv = 0;
+  for (const NoiseClass& c : noise_by_brightness(images, layout)) {
+    const double weight = std::pow(c.variance + kLeastVariance, -2), bright = std::max(c.brightness, 0.0);
+    one += weight, b += weight * bright, bb += weight * bright * bright;
+    v += weight * c.variance, bv += weight * bright * c.variance;
+  }
+  if (!(one > 0)) return {};
+  const double spread = one * bb - b * b;
+  double slope = spread > 1e-12 * one * bb ? std::max(0.0, (one * bv - b * v) / spread) : 0;
+  if (slope * b > v) slope = bb > 0 ? bv / bb : 0;  // no read noise: a line through the origin
   NoiseModel noise;
-  const double dark_sigma = robust_sigma(dark), bright_sigma = robust_sigma(bright);
-  constexpr std::size_t kEnough = 100;
-  noise.sigma = dark.size() >= kEnough ? std::min(dark_sigma, bright_sigma) : bright_sigma;
-  const double excess = bright_sigma * bright_sigma - noise.sigma * noise.sigma;
-  if (excess > 0 && bright_mean > 0) noise.photons = bright_mean / excess;
+  noise.sigma = std::sqrt(std::max(0.0, (v - slope * b) / one));
+  if (slope > 0) noise.photons = 1 / slope;
   return noise;
 }
 

@@ -21,9 +21,20 @@ struct NoiseModel {
 };
 std::vector<SettingField> fields_of(NoiseModel& noise);
 
-// From the images alone (packed, brightest pixel 1): second differences along both axes remove what varies
-// smoothly (Immerkaer, Computer Vision and Image Understanding 64, 1996); their medians among dark and among
-// bright pixels give the two terms. Fine structure counts as noise, so it errs on the high side.
+// From the images alone (packed): second differences along both axes remove what varies smoothly (Immerkaer,
+// Computer Vision and Image Understanding 64, 1996). Their median size is taken in classes of equal number by
+// local brightness: a median forgets the few pixels at edges, and classes let the noise grow with the light.
+// What is as fine as a pixel and as frequent as the median counts as noise. Empty for images narrower than
+// three pixels.
+struct NoiseClass {
+  double brightness = 0, variance = 0;
+};
+std::vector<NoiseClass> noise_by_brightness(std::span<const float> images, const Layout& layout);
+
+// Root mean square over all pixels of the noise.
+double noise_level(std::span<const float> images, const Layout& layout);
+
+// The two terms, as the line sigma^2 + b / photons through the classes, each counted by its own variance.
 NoiseModel estimate_noise(std::span<const float> images, const Layout& layout);
 
 // What discrete voxels and pixels leave unexplained even without noise, share of the brightest pixel: no

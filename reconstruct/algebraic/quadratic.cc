@@ -5,6 +5,7 @@
 #include <deque>
 #include <numeric>
 
+#include "reconstruct/random.h"
 #include "reconstruct/vectors.h"
 
 namespace flamefield {
@@ -105,6 +106,36 @@ double normal_scale(const Problem& problem, std::span<const float> pixel_weights
   return std::sqrt(squared_norm(problem.team, x) / voxels);
 }
 
+std::vector<float> random_pull(const Quadratic& q, int draw) {
+  const Layout& l = q.problem.projector.layout();
+  const Eigen::Vector3d side = q.problem.projector.grid().spacing_mm;
+  const Eigen::Vector3d share = side.minCoeff() / side.array();
+  std::vector<float> out(l.voxels(), 0.0f);
+  Stream stream(q.problem.control.seed, (std::uint64_t{1} << 60) | static_cast<std::uint64_t>(draw));
+  const auto pull = [&](double size) {
+    return static_cast<float>(std::sqrt(q.penalty) * size * stream.normal());
+  };
+  for (int z = 0; z < l.nz; ++z)
+    for (int x = 0; x < l.nx; ++x)
+      for (int y = 0; y < l.ny; ++y) {
+        float& here = out[l.voxel(x, y, z)];
+        const auto against = [&](bool inside, float& next, double size) {
+          if (!inside) return;
+          const float both = pull(size);
+          next += both;
+          here -= both;
+        };
+        if (q.order == 0) {
+          here = pull(1);
+        } else {
+          against(x + 1 < l.nx, out[l.voxel(std::min(x + 1, l.nx - 1), y, z)], share.x());
+          against(y + 1 < l.ny, out[l.voxel(x, std::min(y + 1, l.ny - 1), z)], share.y());
+          against(z + 1 < l.nz, out[l.voxel(x, y, std::min(z + 1, l.nz - 1))], share.z());
+        }
+      }
+  return out;
+}
+
 double roughness(const Quadratic& q, std::span<const float> x) {
   std::vector<float> out(x.size());
   apply_penalty(q, x, out);
@@ -123,6 +154,9 @@ QuadraticEnd minimise(const Quadratic& q, std::span<const float> images, int max
     forward(q, x, r);
     add_scaled(team, -1, images, r);
     gradient_of(q, r, x, weighted, scratch, g);
+    if (q.pull.empty()) return;
+    add_scaled(team, -1, q.pull, g);
+    keep_support(q.problem, g);
   };
   constrain(q.problem, x);
   renew();

@@ -27,9 +27,14 @@ struct Quadratic {
   std::span<const float> pixel_weights;  // w, packed; empty: 1
   std::span<const std::size_t> views;    // those that count
   int order = 1;
-  double penalty = 0;  // weight |A^T W A|
-  double scale = 0;    // |A^T W A|
+  double penalty = 0;                // weight |A^T W A|
+  double scale = 0;                  // |A^T W A|
+  std::span<const float> pull = {};  // packed volume: J gets the term -pull.x; empty: none
 };
+
+// pull = sqrt(penalty) L^T n for white n: with it (and noise in the images) the minimum of J is a draw from
+// the posterior (perturb and MAP; Papandreou and Yuille, NIPS 2010). `draw` numbers the random stream.
+std::vector<float> random_pull(const Quadratic& quadratic, int draw);
 
 // How much A^T W A stretches an even field; close to its norm, as A has no negative element.
 double normal_scale(const Problem& problem, std::span<const float> pixel_weights = {});

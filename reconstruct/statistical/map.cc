@@ -12,7 +12,11 @@ namespace flamefield {
 
 std::vector<SettingField> map_fields(MapOptions& o) {
   std::vector<SettingField> fields = fields_of(o.quadratic);
-  fields.push_back({"draws", "", 0, 10000, "of the noise, for the sigma volume; 0: none", &o.draws});
+  static constexpr std::string_view kSigmas[] = {"noise", "posterior"};
+  fields.push_back({"sigma", "", 0, 0,
+                    "of the sigma volume: scatter under noise, or with the prior's freedom",
+                    choice_of(o.sigma, kSigmas)});
+  fields.push_back({"draws", "", 0, 10000, "for the sigma volume; 0: none", &o.draws});
   return fields;
 }
 
@@ -62,7 +66,9 @@ Solution solve_map(const Problem& problem, const MapOptions& options) {
   problem.projector.forward(problem.team, out.volume, clean);
   int draws = 0;
   for (; draws < options.draws && !monitor.interrupted(); ++draws) {
-    std::vector<float> x = out.volume;
+    std::vector<float> x = out.volume, pull;
+    if (options.sigma == MapSigma::Posterior) pull = random_pull(q, draws);
+    q.pull = pull;
     minimise(q, disturbed(problem, clean, noise, draws), options.quadratic.max_iterations,
              options.quadratic.tolerance, monitor, Report::Nothing, x);
     problem.team.run_ranges(x.size(), kGrain, [&](std::size_t begin, std::size_t end) {

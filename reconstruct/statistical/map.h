@@ -9,13 +9,18 @@ namespace flamefield {
 // Maximum a posteriori for Gaussian noise of known variance and a Gaussian prior of smoothness (Tarantola,
 // Inverse Problem Theory, 2005, ch. 3): pixels count by the inverse of their variance.
 //
-// Solution::sigma is how much the noise of the images scatters each voxel: the standard deviation of the
-// fields that come out when noise is drawn anew around the images of the solution (parametric bootstrap;
-// Efron and Tibshirani, 1993, ch. 6). Unlike a closed formula this holds with positivity. The bias of the
-// prior is not in it.
+// Solution::sigma is a standard deviation of each voxel, found by solving again for random draws:
+// - Noise: how much the noise of the images scatters the solution; noise is drawn anew around the images of
+// the
+//   solution (parametric bootstrap; Efron and Tibshirani, 1993, ch. 6). The bias of the prior is not in it.
+// - Posterior: how uncertain the field is, given images and prior; both are disturbed (Papandreou and Yuille,
+//   NIPS 2010). Exact without positivity, and wider where the cameras see little.
+// Unlike closed formulas both hold with positivity.
+enum class MapSigma { Noise, Posterior };
 struct MapOptions {
   QuadraticOptions quadratic;
-  int draws = 32;  // of the noise; 0: no sigma. Their number n leaves sigma uncertain by 1 / sqrt(2 n)
+  MapSigma sigma = MapSigma::Noise;
+  int draws = 32;  // 0: no sigma. Their number n leaves sigma uncertain by 1 / sqrt(2 n)
 };
 std::vector<SettingField> map_fields(MapOptions& options);
 

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "reconstruct/variational/noise_level.h"
 
 namespace flamefield {
 

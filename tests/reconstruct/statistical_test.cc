@@ -79,6 +79,17 @@ class Map : public testing::Test {
     const double scale = precision * normal_scale(problem);
     return MatrixXd(precision * tiny.a.transpose() * tiny.a + weight * scale * tiny.gradient_penalty());
   }();
+
+  // Sigma is averaged, as a variance, over neighbours.
+  void expect_sigma(const Solution& out, const VectorXd& variance) {
+    const Eigen::VectorXf single = variance.cast<float>();
+    std::vector<float> smoothed =
+                           tiny.projector.layout().pack_volume({single.data(), std::size_t(single.size())}),
+                       scratch(smoothed.size());
+    smooth(smoothed, scratch, tiny.projector.layout(), 1, tiny.team);
+    const VectorXd expected = tiny.plain(smoothed).cwiseSqrt(), found = tiny.plain(out.sigma);
+    for (Eigen::Index j = 0; j < expected.size(); ++j) EXPECT_NEAR(found[j] / expected[j], 1, 0.1) << j;
+  }
 };
 
 TEST_F(Map, FindsTheMostProbableField) {
@@ -96,14 +107,25 @@ TEST_F(Map, PredictsTheScatterOfItsSolutionUnderTheNoise) {
   // Covariance of H^-1 A^T W (b + noise).
   const MatrixXd gain = hessian.ldlt().solve(precision * tiny.a.transpose());
   const VectorXd variance = sigma * sigma * (gain * gain.transpose()).diagonal();
-  // The prediction averages variances over neighbours.
-  const Eigen::VectorXf single = variance.cast<float>();
-  std::vector<float> smoothed =
-                         tiny.projector.layout().pack_volume({single.data(), std::size_t(single.size())}),
-                     scratch(smoothed.size());
-  smooth(smoothed, scratch, tiny.projector.layout(), 1, tiny.team);
-  const VectorXd expected = tiny.plain(smoothed).cwiseSqrt(), found = tiny.plain(out.sigma);
-  for (Eigen::Index j = 0; j < expected.size(); ++j) EXPECT_NEAR(found[j] / expected[j], 1, 0.1) << j;
+  expect_sigma(out, variance);
+}
+
+TEST_F(Map, KnowsHowUncertainTheFieldIsGivenImagesAndPrior) {
+  options.draws = 300;
+  options.sigma = MapSigma::Posterior;
+  options.quadratic.tolerance = 1e-4;
+  // Covariance H^-1; the noise is drawn without what the weights add to it.
+  sigma = 0.5, problem.noise = {.sigma = sigma};
+  precision = 1 / (sigma * sigma + kLeastNoise * kLeastNoise);
+  for (const int order : {0, 1}) {
+    options.quadratic.order = order;
+    const double penalty = weight * precision * normal_scale(problem);
+    const MatrixXd l =
+        order == 0 ? MatrixXd(MatrixXd::Identity(tiny.a.cols(), tiny.a.cols())) : tiny.gradient_penalty();
+    const MatrixXd h = precision * tiny.a.transpose() * tiny.a + penalty * l;
+    SCOPED_TRACE(order);
+    expect_sigma(solve_map(problem, options), h.inverse().diagonal());
+  }
 }
 
 TEST_F(Map, TrustsPixelsByTheirShotNoise) {

@@ -10,7 +10,7 @@
 #include "reconstruct/metrics.h"
 #include "reconstruct/phantom/phantom.h"
 #include "reconstruct/render.h"
-#include "reconstruct/variational/noise_level.h"
+#include "reconstruct/noise_model.h"
 #include "reconstruct/variational/primal_dual.h"
 #include "reconstruct/variational/weight_search.h"
 #include "tests/reconstruct/support.h"
