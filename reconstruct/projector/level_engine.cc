@@ -17,7 +17,7 @@ struct Depth {
   std::size_t patch_floats;
   int slab;
 };
-constexpr Depth kForward{1024, 8}, kAdjoint{1024, 4};
+constexpr Depth kForward{1024, 8}, kAdjoint{512, 4};
 constexpr int kColumnsPerTask = 8;  // pixel columns, forward, where one tile is all
 
 KernelScratch& scratch_for(const StripShape& shape) {
