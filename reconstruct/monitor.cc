@@ -29,8 +29,9 @@ bool Monitor::stagnates() const {
   return history_.back().residual > (1 - rules_.stagnation) * history_[history_.size() - 1 - kSpan].residual;
 }
 
-std::optional<StopReason> Monitor::after(int iteration, double residual, double fitness) {
-  history_.push_back({iteration, residual, elapsed_s(), fitness});
+std::optional<StopReason> Monitor::after(int iteration, double residual, double fitness,
+                                         const std::array<float, 5>& operator_success) {
+  history_.push_back({iteration, residual, elapsed_s(), fitness, operator_success});
   if (control_.progress) control_.progress({iteration, max_iterations_, residual, history_.back().elapsed_s});
   if (residual <= rules_.residual) return StopReason::Residual;
   if (residual <= rules_.discrepancy * rules_.expected_residual) return StopReason::Discrepancy;

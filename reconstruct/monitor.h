@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <chrono>
 #include <optional>
 #include <vector>
@@ -25,7 +26,8 @@ class Monitor {
   Monitor(const SolveControl& control, int max_iterations, const StopRules& rules = {});
 
   // residual: |Ax - b| / |b|; fitness: 1 - Z of evolutionary solvers
-  std::optional<StopReason> after(int iteration, double residual, double fitness = 0);
+  std::optional<StopReason> after(int iteration, double residual, double fitness = 0,
+                                  const std::array<float, 5>& operator_success = {});
 
   // Only the outside reasons to end, for solvers that report less often than they iterate.
   std::optional<StopReason> interrupted() const;

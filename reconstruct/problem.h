@@ -25,6 +25,7 @@ struct Problem {
   bool non_negative = true;
   StopRules stop = {};
   NoiseModel noise = {};  // as given by the recipe; noise_of() falls back on an estimate
+  float brightness = 1;   // what an image value of 1 was before, field unit x mm
 };
 
 struct Solution {
@@ -32,6 +33,7 @@ struct Solution {
   std::vector<float> sigma;   // likewise, one standard deviation of each voxel under the noise; or empty
   int iterations = 0;
   double voxel_updates = 0;
+  double offspring = 0;  // evolutionary solvers only
   StopReason stop_reason = StopReason::Iterations;
   std::vector<HistoryPoint> history;
   std::vector<std::string> notes;  // what the solver chose by itself, e.g. a weight

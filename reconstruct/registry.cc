@@ -77,7 +77,7 @@ std::span<const Solver> solvers() {
             FdkOptions{}, fdk_fields, solve_fdk, false),
       entry("ert",
             "evolutionary reconstruction: genetic operators at Metropolis-drawn voxels (Energies 12, 2019)",
-            ErtOptions{}, ert_fields, solve_ert, false),
+            ErtOptions{}, ert_fields, solve_ert),
   };
   return list;
 }

@@ -171,6 +171,7 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   problem.non_negative = shared.constraints.non_negative;
   problem.stop = shared.stop;
   problem.noise = shared.noise;
+  problem.brightness = scale;
   if (problem.stop.discrepancy > 0)
     problem.stop.expected_residual = expected_residual(noise_of(problem), images, layout);
   std::vector<std::uint8_t> support;
@@ -202,6 +203,7 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   out.solver = recipe.solver;
   out.iterations = solution.iterations;
   out.voxel_updates = solution.voxel_updates;
+  out.offspring = solution.offspring;
   out.projector_engine = projector.engine();
   out.stop_reason = solution.stop_reason;
   out.history = std::move(solution.history);

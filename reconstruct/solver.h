@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <stop_token>
@@ -33,6 +34,13 @@ struct SolveControl {
   std::function<void(const SolverProgress&)> progress = {};
   // A warm start, e.g. the field of the pulse before, on the same grid; must outlive the solve. Null: none.
   const Volume* start = nullptr;
+  // Evolutionary solvers only: the best field so far now and then, for a live page; and all that is needed to
+  // go on later, bit by bit as if it had never been interrupted (resume takes such bytes).
+  std::function<void(const Volume&)> preview = {};
+  double preview_every_s = 1;
+  std::function<void(std::string_view)> checkpoint = {};
+  double checkpoint_every_s = 30;
+  std::string_view resume = {};
 };
 
 enum class StopReason {
@@ -51,7 +59,10 @@ struct HistoryPoint {
   int iteration = 0;
   double residual = 0;
   double elapsed_s = 0;
-  double fitness = 0;  // 1 - Z (paper), evolutionary solvers only
+  // Evolutionary solvers only: 1 - Z (paper), and the share of offspring since the last point that were
+  // better than the best, by operator: creep, mutation, annihilation, filter, crossover.
+  double fitness = 0;
+  std::array<float, 5> operator_success = {};
 };
 
 struct Reconstruction {
@@ -63,6 +74,7 @@ struct Reconstruction {
   std::vector<double> residual_per_view;  // likewise, each view
   double wall_s = 0;
   double voxel_updates = 0;
+  double offspring = 0;          // evolutionary solvers only
   std::string projector_engine;  // how A was applied, e.g. "stored 312 MiB"
   StopReason stop_reason = StopReason::Iterations;
   std::vector<HistoryPoint> history;

@@ -51,26 +51,6 @@ void Editor::set(std::size_t voxel, float value) {
     edited_.images[entry.pixel] += change * scale_ * entry.weight;
 }
 
-Editor::Neighbours Editor::neighbours(std::size_t voxel) const {
-  const Grid& g = grid();
-  const auto nx = static_cast<std::size_t>(g.nx), ny = static_cast<std::size_t>(g.ny),
-             nz = static_cast<std::size_t>(g.nz);
-  const std::size_t x = voxel % nx, y = voxel / nx % ny, z = voxel / nx / ny;
-  Neighbours out;
-  const auto add = [&](bool inside, std::size_t neighbour) {
-    if (!inside) return;
-    ++out.count;
-    out.sum += value(neighbour);
-  };
-  add(x > 0, voxel - 1);
-  add(x + 1 < nx, voxel + 1);
-  add(y > 0, voxel - nx);
-  add(y + 1 < ny, voxel + nx);
-  add(z > 0, voxel - nx * ny);
-  add(z + 1 < nz, voxel + nx * ny);
-  return out;
-}
-
 void average(const Chromosome& mother, const Chromosome& father, std::span<const float> base,
              Chromosome& offspring) {
   offspring.z = mother.z;

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "reconstruct/evolutionary/column_table.h"
+#include "reconstruct/evolutionary/neighbours.h"
 
 namespace flamefield {
 
@@ -41,12 +42,9 @@ class Editor {
   float value(std::size_t voxel) const;
   void set(std::size_t voxel, float value);
 
-  // The voxel's neighbours inside the box: their number and sum.
-  struct Neighbours {
-    int count = 0;
-    float sum = 0;
-  };
-  Neighbours neighbours(std::size_t voxel) const;
+  Neighbours neighbours(std::size_t voxel) const {
+    return flamefield::neighbours(grid(), voxel, [this](std::size_t j) { return value(j); });
+  }
 
  private:
   const ColumnTable& columns_;

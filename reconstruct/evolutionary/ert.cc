@@ -1,41 +1,57 @@
 #include "reconstruct/evolutionary/ert.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
-#include "reconstruct/evolutionary/fitness.h"
-#include "reconstruct/evolutionary/population.h"
+#include "reconstruct/evolutionary/evolution.h"
+#include "reconstruct/evolutionary/generational.h"
 #include "reconstruct/monitor.h"
 #include "reconstruct/statistical/mlem.h"
 
 namespace flamefield {
 
 std::vector<SettingField> ert_fields(ErtOptions& o) {
+  static constexpr std::array<std::string_view, 2> kSchemes = {"brood", "paper"};
   return {
-      {"population_size", "", 2, 10000, "chromosomes", &o.population_size},
+      {"scheme", "", 0, 0, "brood: all better offspring join the best; paper: Algorithms 1 and 2 as written",
+       choice_of(o.scheme, kSchemes)},
+      {"pop_size", "", 1, 65536, "chromosomes", &o.pop_size},
       {"max_generations", "", 1, 2e9, "generations", &o.max_generations},
       {"fit_threshold", "", 0, 1, "stop when 1 - Z reaches it", &o.fit_threshold},
       {"lp", "", 0.05, 16, "p of the distance L_p (Eq. 2)", &o.lp},
       {"mutation_rate", "", 0, 1, "probability of mutation", &o.mutation_rate},
       {"mutation_intensity", "voxels", 0, 1e9, "voxels a mutation changes", &o.mutation_intensity},
-      {"sigma", "", 0, 100, "standard deviation of a mutation in the end; 1 is the largest voxel", &o.sigma},
-      {"sigma_start", "", 0, 100, "the same in the beginning", &o.sigma_start},
-      {"sigma_generations", "", 1, 1e12, "generations in which the excess of sigma falls to 1/e",
-       &o.sigma_generations},
+      {"sigma", "", 0, 100, "standard deviation of a mutation; 1 is the largest voxel", &o.sigma},
       {"annihilation_rate", "", 0, 1, "probability of annihilation", &o.annihilation_rate},
       {"annihilation_intensity", "voxels", 0, 1e9, "voxels set to zero", &o.annihilation_intensity},
       {"filter_rate", "", 0, 1, "probability of the local filter", &o.filter_rate},
       {"filter_intensity", "voxels", 0, 1e9, "voxels filtered", &o.filter_intensity},
-      {"weak_elitism", "", 0, 1, "the best is always one parent", &o.weak_elitism},
-      {"strong_elitism", "", 0, 1, "the best survives unaltered", &o.strong_elitism},
+      {"weak_elitism", "", 0, 1, "paper: the best is always one parent", &o.weak_elitism},
+      {"strong_elitism", "", 0, 1, "paper: the best survives unaltered", &o.strong_elitism},
       {"mask_samples", "", 1, 1e9, "voxels in the stochastic mask", &o.mask_samples},
       {"ma_start", "", 0, 2e9, "generation from which the mask follows the best", &o.ma_start},
       {"steps", "", 1, 2e9, "generations between new masks", &o.steps},
-      {"render_every", "", 1, 2e9, "generations between full renderings", &o.render_every},
+      {"sigma_start", "", 0, 100, "paper: sigma in the beginning; 0: as later", &o.sigma_start},
+      {"sigma_generations", "", 1, 1e12, "paper: generations in which its excess falls to 1/e",
+       &o.sigma_generations},
+      {"incremental", "", 0, 1, "paper: derive images from the parents'; false renders all, slowly",
+       &o.incremental},
+      {"creep_rate", "", 0, 1, "brood: share of mutations around the voxel's own value", &o.creep_rate},
+      {"crossover_rate", "", 0, 1, "brood: share of means of the best and another", &o.crossover_rate},
+      {"adaptive", "", 0, 1, "brood: rates and the sigma of each voxel follow success", &o.adaptive},
+      {"levels", "", 1, 8, "brood: grids from coarse to fine", &o.levels},
+      {"coarse_effort", "", 0, 1e6, "brood: offspring per voxel on coarse grids", &o.coarse_effort},
+      {"roughness", "", 0, 1e3, "brood: weight of uneven fields; 0: none", &o.roughness},
+      {"roughness_edge", "", 1e-6, 1e3,
+       "brood: second differences above count linearly, share of the brightest", &o.roughness_edge},
+      {"tolerance", "", 0, 1, "brood: stop when 8 offspring per voxel improve less", &o.tolerance},
+      {"render_every", "", 1, 2e9, "generations between full renderings that remove rounding",
+       &o.render_every},
       {"columns_budget_mib", "MiB", 0, 1e9, "columns of A that need more are worked out at every use",
        &o.columns_budget_mib},
-      {"incremental", "", 0, 1, "derive images from the parents'; false renders all, slowly",
-       &o.incremental}};
+      {"ensemble", "", 1, 1000, "independent runs; their mean and deviation are the result", &o.ensemble},
+      {"absorption", "1/(unit mm)", 0, 1e9, "self-absorption per emission and mm", &o.absorption}};
 }
 
 namespace {
@@ -43,81 +59,98 @@ namespace {
 // What a voxel value of 1 stands for: chromosomes live in [0, 1], so it must be above the brightest voxel. A
 // few iterations of OSEM tell its order of magnitude; thin fronts come out too dim by then.
 float largest_voxel(const Problem& problem) {
+  constexpr float kHeadroom = 2;
   const SolveControl quiet{.threads = problem.control.threads, .stop = problem.control.stop};
   const Solution rough = solve_mlem({problem.projector, problem.images, quiet, problem.team},
                                     {.max_iterations = 6, .subsets = 5, .smoothing = 0.1});
-  return 1.25f * *std::ranges::max_element(rough.volume);
+  return kHeadroom * *std::ranges::max_element(rough.volume);
 }
 
-// The mask without voxels outside the support; none left means that nothing may be lit.
-Mask within_support(const Problem& problem, Mask mask) {
-  if (problem.support.empty()) return mask;
-  const Layout& layout = problem.projector.layout();
-  const auto nx = static_cast<std::uint32_t>(layout.nx), ny = static_cast<std::uint32_t>(layout.ny);
-  std::erase_if(mask, [&](std::uint32_t v) {
-    return !problem.support[layout.voxel(static_cast<int>(v % nx), static_cast<int>(v / nx % ny),
-                                         static_cast<int>(v / nx / ny))];
-  });
-  return mask;
-}
-
-enum Purpose : std::uint64_t { kMaskStream = 1, kOffspringStream = 2 };
-
-}  // namespace
-
-// Algorithm 1.
-Solution solve_ert(const Problem& problem, const ErtOptions& options) {
-  Monitor monitor(problem.control, options.max_generations);
+Result<Solution> solve_once(const Problem& problem, const ErtOptions& options) {
   Solution out;
   const Layout& layout = problem.projector.layout();
   out.volume.assign(layout.voxels(), 0);
   const float scale = largest_voxel(problem);
   if (!(scale > 0)) {
     out.stop_reason = StopReason::Fitness;
+    out.notes.push_back("no image shows any light");
     return out;
   }
-  const std::uint64_t seed = problem.control.seed;
-  const auto samples = static_cast<std::size_t>(options.mask_samples);
-  Stream mask_stream(seed, std::uint64_t{kMaskStream} << 56);
-  Population population(problem, options, scale);
-  Mask mask = within_support(
-      problem, mask_from_images(problem.projector, population.measured(), samples, mask_stream));
-  if (mask.empty()) return out;
+  const auto model =
+      make_model(problem.projector, options.absorption * static_cast<double>(problem.brightness));
+  if (options.scheme == ErtOptions::Scheme::Paper) return evolve_generations(problem, options, *model, scale);
 
-  constexpr int kReportEvery = 500;
-  bool use_gradient = false;
-  for (int generation = 1;; ++generation) {
-    const double sigma = options.sigma + (options.sigma_start - options.sigma) *
-                                             std::exp(-generation / options.sigma_generations);
-    population.evolve(mask, sigma, seed,
-                      (std::uint64_t{kOffspringStream} << 56) | static_cast<std::uint64_t>(generation) << 16);
-    if (generation % options.render_every == 0) population.render_anew();
-    if (generation > options.ma_start && generation % options.steps == 0) {
-      const std::vector<float> best = population.best_field();
-      Mask drawn = within_support(
-          problem, mask_from_field(use_gradient ? gradient_magnitude(best, problem.projector.grid()) : best,
-                                   samples, mask_stream));
-      if (!drawn.empty()) mask = std::move(drawn);
-      use_gradient = !use_gradient;
-    }
-    std::optional<StopReason> reason = monitor.interrupted();
-    if (generation >= options.max_generations) reason = StopReason::Iterations;
-    if (1 - population.best().z >= options.fit_threshold) reason = StopReason::Fitness;
-    if (reason || generation % kReportEvery == 0) {
-      const double residual = relative_distance(population.best().images, population.measured());
-      monitor.after(generation, residual, 1 - population.best().z);
-    }
-    if (reason) {
-      out.stop_reason = *reason;
-      out.iterations = generation;
-      break;
-    }
+  Monitor monitor(problem.control, options.max_generations);
+  Evolution evolution(problem, options, *model, scale);
+  if (evolution.is_dark()) {
+    out.stop_reason = StopReason::Fitness;
+    out.notes.push_back("the views contradict each other: no voxel is lit in all of them");
+    return out;
   }
-  out.volume = layout.pack_volume(population.best_field());
+  if (!problem.control.resume.empty()) {
+    if (auto ok = evolution.resume(problem.control.resume); !ok) return tl::unexpected(ok.error());
+  } else if (!problem.start.empty()) {
+    std::vector<float> field = layout.unpack_volume(problem.start);
+    for (float& v : field) v = std::clamp(v / scale, 0.0f, 1.0f);
+    evolution.begin_with(std::move(field));
+  }
+  out.stop_reason = evolution.run(monitor);
+  out.iterations = evolution.generation();
+  out.volume = layout.pack_volume(evolution.best());
   for (float& v : out.volume) v *= scale;
-  out.voxel_updates = population.voxel_updates();
+  out.offspring = out.voxel_updates = evolution.offspring();
   out.history = monitor.history();
+  out.notes = evolution.notes();
   return out;
+}
+
+// Mean and standard deviation over independent seeds (the paper's Section 3.5 with 15 runs).
+Result<Solution> solve_ensemble(const Problem& problem, const ErtOptions& options) {
+  Solution out;
+  std::vector<double> sum(problem.projector.layout().voxels(), 0), squares(sum);
+  SolveControl control = problem.control;
+  control.time_limit_s /= options.ensemble;
+  int runs = 0;
+  for (int k = 0; k < options.ensemble && !control.stop.stop_requested(); ++k) {
+    control.seed = problem.control.seed + static_cast<std::uint64_t>(k);
+    const Problem one{
+        problem.projector, problem.images,       control,      problem.team,  problem.support,
+        problem.start,     problem.non_negative, problem.stop, problem.noise, problem.brightness};
+    auto run = solve_once(one, options);
+    if (!run) return run;
+    for (std::size_t j = 0; j < sum.size(); ++j) {
+      const auto v = static_cast<double>(run->volume[j]);
+      sum[j] += v;
+      squares[j] += v * v;
+    }
+    ++runs;
+    const double offspring = out.offspring + run->offspring, updates = out.voxel_updates + run->voxel_updates;
+    out = std::move(*run);
+    out.offspring = offspring;
+    out.voxel_updates = updates;
+  }
+  if (runs == 0) return solve_once(problem, options);
+  out.sigma.resize(sum.size(), 0);
+  for (std::size_t j = 0; j < sum.size(); ++j) {
+    const double mean = sum[j] / runs;
+    out.volume[j] = static_cast<float>(mean);
+    if (runs > 1)
+      out.sigma[j] =
+          static_cast<float>(std::sqrt(std::max(0.0, (squares[j] - runs * mean * mean) / (runs - 1))));
+  }
+  out.notes.push_back(concat("mean of ", runs, " independent runs; history and notes are of the last"));
+  return out;
+}
+
+}  // namespace
+
+Result<Solution> solve_ert(const Problem& problem, const ErtOptions& options) {
+  const bool keeps_state = options.scheme == ErtOptions::Scheme::Brood && options.ensemble == 1;
+  if (!keeps_state && (problem.control.checkpoint || !problem.control.resume.empty())) {
+    return invalid_input("checkpoints", "only a single run of the brood scheme keeps them",
+                         "set ert.ensemble = 1 and ert.scheme = \"brood\"");
+  }
+  return options.ensemble > 1 ? solve_ensemble(problem, options) : solve_once(problem, options);
 }
 
 }  // namespace flamefield

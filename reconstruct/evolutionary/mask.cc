@@ -71,6 +71,33 @@ Mask mask_from_images(const Projector& projector, std::span<const float> images,
   return mask;
 }
 
+std::vector<float> consensus_density(const StripTable& table, const Layout& layout,
+                                     std::span<const float> images, Team& team) {
+  std::vector<float> out(table.voxels(), 0);
+  team.run_ranges(table.voxels(), 1024, [&](std::size_t begin, std::size_t end) {
+    const auto views = static_cast<std::size_t>(layout.views);
+    std::vector<Strip> scratch;
+    std::vector<double> light(views), weight(views);
+    for (std::size_t voxel = begin; voxel < end; ++voxel) {
+      std::ranges::fill(light, 0);
+      std::ranges::fill(weight, 0);
+      for (const Strip& strip : table.of(voxel, scratch))
+        for (std::size_t k = 0; k < Strip::kPixels; ++k) {
+          if (strip.weight[k] == 0) continue;
+          const std::size_t view = (strip.first + k) / layout.pixels_per_view();
+          weight[view] += static_cast<double>(strip.weight[k]);
+          light[view] += static_cast<double>(strip.weight[k] * std::max(0.0f, images[strip.first + k]));
+        }
+      double least = INFINITY;
+      for (std::size_t v = 0; v < views; ++v)
+        if (weight[v] > 0) least = std::min(least, light[v] / weight[v]);
+      if (std::isfinite(least) && least > static_cast<double>(kDarkest))
+        out[voxel] = static_cast<float>(least);
+    }
+  });
+  return out;
+}
+
 Mask mask_from_field(std::span<const float> density, std::size_t samples, Stream& stream) {
   std::uint64_t at = stream.below(density.size());
   Mask mask;

@@ -6,6 +6,7 @@
 
 #include "proto/rig.h"
 #include "proto/volume.h"
+#include "reconstruct/evolutionary/strip_table.h"
 #include "reconstruct/projector.h"
 #include "reconstruct/random.h"
 
@@ -20,6 +21,12 @@ using Mask = std::vector<std::uint32_t>;
 // cols); negative pixels count as dark.
 Mask mask_from_images(const Projector& projector, std::span<const float> images, std::size_t samples,
                       Stream& stream);
+
+// What all views agree on: of the mean intensities that a voxel's columns see, view by view, the least. Zero
+// where one is below kDarkest, or where no view looks. images: packed, brightest pixel 1. (nz, ny, nx)
+inline constexpr float kDarkest = 5e-4f;
+std::vector<float> consensus_density(const StripTable& strips, const Layout& layout,
+                                     std::span<const float> images, Team& team);
 
 // Stage two (Algorithm 4): the density is a field of the best chromosome.
 Mask mask_from_field(std::span<const float> density, std::size_t samples, Stream& stream);

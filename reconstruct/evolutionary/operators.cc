@@ -15,7 +15,7 @@ std::size_t draw(const Mask& mask, Stream& stream) {
 void mutate(Editor& offspring, const Mask& mask, int intensity, double sigma, Stream& stream) {
   for (int i = 0; i < intensity; ++i) {
     const std::size_t voxel = draw(mask, stream);
-    const Editor::Neighbours near = offspring.neighbours(voxel);
+    const Neighbours near = offspring.neighbours(voxel);
     const float mean = (offspring.value(voxel) + near.sum) / static_cast<float>(near.count + 1);
     offspring.set(voxel, static_cast<float>(stream.truncated_normal(std::clamp(mean, 0.0f, 1.0f), sigma)));
   }

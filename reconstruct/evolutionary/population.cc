@@ -5,9 +5,11 @@
 
 namespace flamefield {
 
-Population::Population(const Problem& problem, const ErtOptions& options, float voxel_scale)
+Population::Population(const Problem& problem, const ErtOptions& options, const MeasurementModel& model,
+                       float voxel_scale)
     : problem_(problem),
       options_(options),
+      model_(model),
       voxel_scale_(voxel_scale),
       columns_(problem.projector, options.columns_budget_mib, problem.team),
       measured_(problem.projector.layout().unpack_images(problem.images)),
@@ -15,7 +17,7 @@ Population::Population(const Problem& problem, const ErtOptions& options, float 
   Chromosome dark;
   dark.images.assign(measured_.size(), 0);
   dark.z = distance_z(measured_, dark.images, options.lp);
-  members_.assign(static_cast<std::size_t>(options.population_size), dark);
+  members_.assign(static_cast<std::size_t>(options.pop_size), dark);
   offspring_ = members_;
   relative_.assign(members_.size(), 1);
 }
@@ -24,7 +26,7 @@ void Population::render(Chromosome& chromosome, Team& team) const {
   const Layout& layout = problem_.projector.layout();
   std::vector<float> field = layout.pack_volume(field_of(chromosome, base_)), images(layout.pixels());
   for (float& v : field) v *= voxel_scale_;
-  problem_.projector.forward(team, field, images);
+  model_.render(team, field, images);
   chromosome.images = layout.unpack_images(images);
 }
 
@@ -34,12 +36,12 @@ void Population::make_offspring(std::size_t i, const Mask& mask, double sigma, S
   const std::size_t father =
       options_.weak_elitism ? stream.below(members_.size()) : roulette(relative_, stream);
   average(members_[mother], members_[father], base_, child);
-  Editor editor(columns_, voxel_scale_, base_, child, options_.incremental);
+  Editor editor(columns_, voxel_scale_, base_, child, is_incremental());
   const double r1 = stream.uniform(), r2 = stream.uniform(), r3 = stream.uniform();
   if (r1 < options_.mutation_rate) mutate(editor, mask, options_.mutation_intensity, sigma, stream);
   if (r2 < options_.annihilation_rate) annihilate(editor, mask, options_.annihilation_intensity, stream);
   if (r3 < options_.filter_rate) filter(editor, mask, options_.filter_intensity, stream);
-  if (!options_.incremental) {
+  if (!is_incremental()) {
     Team alone(1);
     render(child, alone);
   }
@@ -72,7 +74,7 @@ double Population::render_anew() {
   std::vector<ColumnEntry> column;
   for (std::size_t i = 0; i < members_.size(); ++i) {
     Chromosome& member = members_[i];
-    if (i != best_) {
+    if (i != best_ && is_incremental()) {
       member.images = best.images;
       for (const Gene& gene : member.genes) {
         for (const ColumnEntry& e : columns_.of(gene.voxel, column))

@@ -6,13 +6,15 @@
 #include "reconstruct/evolutionary/chromosome.h"
 #include "reconstruct/evolutionary/ert.h"
 #include "reconstruct/evolutionary/mask.h"
+#include "reconstruct/evolutionary/model.h"
 
 namespace flamefield {
 
 // The chromosomes of one generation, all zero at first.
 class Population {
  public:
-  Population(const Problem& problem, const ErtOptions& options, float voxel_scale);
+  Population(const Problem& problem, const ErtOptions& options, const MeasurementModel& model,
+             float voxel_scale);
 
   // One evolution step (Algorithm 2) with evaluation. Offspring i takes its random numbers from stream
   // `first_stream` + i, so that it does not matter which thread makes it.
@@ -32,9 +34,12 @@ class Population {
  private:
   void make_offspring(std::size_t i, const Mask& mask, double sigma, Stream stream);
   void render(Chromosome& chromosome, Team& team) const;
+  // The sum of columns is what a linear model renders; of others every offspring is rendered.
+  bool is_incremental() const { return options_.incremental && model_.is_linear(); }
 
   const Problem& problem_;
   const ErtOptions& options_;
+  const MeasurementModel& model_;
   float voxel_scale_;
   ColumnTable columns_;
   std::vector<float> measured_;  // b, (views, rows, cols): evolution works on unpacked arrays
