@@ -8,6 +8,7 @@
 #include "reconstruct/algebraic/tikhonov.h"
 #include "reconstruct/analytic/fdk.h"
 #include "reconstruct/evolutionary/ert.h"
+#include "reconstruct/evolutionary/memetic.h"
 #include "reconstruct/statistical/map.h"
 #include "reconstruct/statistical/mlem.h"
 #include "reconstruct/variational/variational.h"
@@ -77,7 +78,10 @@ std::span<const Solver> solvers() {
             FdkOptions{}, fdk_fields, solve_fdk, false),
       entry("ert",
             "evolutionary reconstruction: genetic operators at Metropolis-drawn voxels (Energies 12, 2019)",
-            ErtOptions{}, ert_fields, solve_ert),
+            ErtOptions{}, ert_fields, solve_ert, false),
+      entry("ert-memetic",
+            "evolution with algebraic sweeps as one more genetic operator (Yang et al., hybrid)",
+            MemeticOptions{}, memetic_fields, solve_memetic, false),
   };
   return list;
 }

@@ -200,6 +200,7 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   for (float& s : out.sigma) s *= scale;
   out.notes = notes_about(projections);
   out.notes.insert(out.notes.end(), solution.notes.begin(), solution.notes.end());
+  out.cameras = std::move(solution.cameras);
   out.solver = recipe.solver;
   out.iterations = solution.iterations;
   out.voxel_updates = solution.voxel_updates;

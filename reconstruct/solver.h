@@ -78,6 +78,8 @@ struct Reconstruction {
   std::string projector_engine;  // how A was applied, e.g. "stored 312 MiB"
   StopReason stop_reason = StopReason::Iterations;
   std::vector<HistoryPoint> history;
+  std::vector<Camera>
+      cameras;  // as corrected by a calibration-free solve, which `volume` goes with; or empty
   std::vector<std::string> notes;  // what the user should know: saturated images, a chosen weight
 };
 

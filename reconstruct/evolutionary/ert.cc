@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "reconstruct/evolutionary/calibration_free.h"
 #include "reconstruct/evolutionary/evolution.h"
 #include "reconstruct/evolutionary/generational.h"
 #include "reconstruct/monitor.h"
@@ -51,6 +52,8 @@ std::vector<SettingField> ert_fields(ErtOptions& o) {
       {"columns_budget_mib", "MiB", 0, 1e9, "columns of A that need more are worked out at every use",
        &o.columns_budget_mib},
       {"ensemble", "", 1, 1000, "independent runs; their mean and deviation are the result", &o.ensemble},
+      {"calibrate_rounds", "", 0, 100, "brood: cameras are corrected between so many solves; 0: never",
+       &o.calibrate_rounds},
       {"absorption", "1/(unit mm)", 0, 1e9, "self-absorption per emission and mm", &o.absorption}};
 }
 
@@ -89,10 +92,6 @@ Result<Solution> solve_once(const Problem& problem, const ErtOptions& options) {
   }
   if (!problem.control.resume.empty()) {
     if (auto ok = evolution.resume(problem.control.resume); !ok) return tl::unexpected(ok.error());
-  } else if (!problem.start.empty()) {
-    std::vector<float> field = layout.unpack_volume(problem.start);
-    for (float& v : field) v = std::clamp(v / scale, 0.0f, 1.0f);
-    evolution.begin_with(std::move(field));
   }
   out.stop_reason = evolution.run(monitor);
   out.iterations = evolution.generation();
@@ -145,11 +144,13 @@ Result<Solution> solve_ensemble(const Problem& problem, const ErtOptions& option
 }  // namespace
 
 Result<Solution> solve_ert(const Problem& problem, const ErtOptions& options) {
-  const bool keeps_state = options.scheme == ErtOptions::Scheme::Brood && options.ensemble == 1;
+  const bool keeps_state =
+      options.scheme == ErtOptions::Scheme::Brood && options.ensemble == 1 && options.calibrate_rounds == 0;
   if (!keeps_state && (problem.control.checkpoint || !problem.control.resume.empty())) {
     return invalid_input("checkpoints", "only a single run of the brood scheme keeps them",
-                         "set ert.ensemble = 1 and ert.scheme = \"brood\"");
+                         "set ert.scheme = \"brood\", ert.ensemble = 1 and ert.calibrate_rounds = 0");
   }
+  if (options.calibrate_rounds > 0) return solve_with_cameras(problem, options);
   return options.ensemble > 1 ? solve_ensemble(problem, options) : solve_once(problem, options);
 }
 

@@ -51,8 +51,9 @@ struct ErtOptions {
 
   int render_every = 5000;  // generations between full renderings that remove rounding
   double columns_budget_mib = 2048;
-  int ensemble = 1;       // independent runs, whose mean and deviation are returned
-  double absorption = 0;  // self-absorption per emission and mm, 1 / (field unit mm)
+  int ensemble = 1;          // independent runs, whose mean and deviation are returned
+  int calibrate_rounds = 0;  // cameras are corrected between so many solves; 0: they are trusted
+  double absorption = 0;     // self-absorption per emission and mm, 1 / (field unit mm)
 };
 std::vector<SettingField> ert_fields(ErtOptions& options);
 

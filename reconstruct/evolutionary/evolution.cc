@@ -5,6 +5,7 @@
 
 #include "proto/check.h"
 #include "reconstruct/evolutionary/state_bytes.h"
+#include "reconstruct/variational/noise_level.h"
 
 namespace flamefield {
 
@@ -22,14 +23,16 @@ constexpr int kFirstReport = 10;        // generations
 constexpr double kReportGrowth = 0.05;  // of the generations between reports
 // A penalty for L_p whose slope matches that of p = 2 where the residual is 4 % of the brightest pixel.
 constexpr double kMatchedResidual = 0.04;
-// Noise that the roughness weight was tuned for; what is more asks for smoother fields.
-constexpr double kTunedNoise = 0.005;
+// What voxels cannot model even without noise, rms, share of the brightest pixel; the weight of roughness was
+// found there and grows with the noise.
+constexpr double kModelError = 0.004;
 constexpr float kMaskFloor = 0.02f;  // of stage two, share of the largest: no lit voxel is out of reach
 
 double weight_of(const Problem& problem, const ErtOptions& options) {
-  const double noise = std::sqrt(noise_of(problem).variance(0.5));
-  const double excess = std::max(1.0, noise / kTunedNoise);
-  return options.roughness * excess * excess * 0.5 * options.lp * std::pow(kMatchedResidual, options.lp - 2);
+  const double noise = problem.noise.is_known() ? std::sqrt(problem.noise.variance(0.5))
+                                                : noise_level(problem.images, problem.projector.layout());
+  return options.roughness * std::hypot(noise, kModelError) / kModelError * 0.5 * options.lp *
+         std::pow(kMatchedResidual, options.lp - 2);
 }
 
 // Pixels that look at a voxel: the mean column sum over the voxel's side.
