@@ -36,6 +36,7 @@ struct Solution {
   double offspring = 0;  // evolutionary solvers only
   StopReason stop_reason = StopReason::Iterations;
   std::vector<HistoryPoint> history;
+  std::vector<float> images;       // of the volume by the solver's own model, packed; empty: A x
   std::vector<Camera> cameras;     // as corrected, calibration-free mode only
   std::vector<std::string> notes;  // what the solver chose by itself, e.g. a weight
 };

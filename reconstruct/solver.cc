@@ -187,7 +187,11 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   Solution& solution = *solved;
 
   Reconstruction out;
-  projector.forward(team, solution.volume, images);
+  if (solution.images.empty()) {
+    projector.forward(team, solution.volume, images);
+  } else {
+    images = std::move(solution.images);
+  }
   Projections rendered = projections;
   rendered.values = layout.unpack_images(images);
   for (float& v : rendered.values) v *= scale;

@@ -87,7 +87,14 @@ Result<Solution> solve_with_cameras(const Problem& problem, const ErtOptions& op
     auto solved = solve_ert(now, field_options);
     if (!solved) return solved;
     out = std::move(*solved);
-    if (left == 0 || clock.interrupted()) break;
+    if (left == 0 || clock.interrupted()) {
+      if (out.images.empty()) {
+        out.images.resize(layout.pixels());
+        projector->forward(problem.team, out.volume, out.images);
+      }
+      break;
+    }
+    out.images.clear();
     Volume field(grid);
     field.values = layout.unpack_volume(out.volume);
     const double least_step_px = 0.01;

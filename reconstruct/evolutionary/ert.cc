@@ -97,6 +97,10 @@ Result<Solution> solve_once(const Problem& problem, const ErtOptions& options) {
   out.iterations = evolution.generation();
   out.volume = layout.pack_volume(evolution.best());
   for (float& v : out.volume) v *= scale;
+  if (!model->is_linear()) {
+    out.images.resize(layout.pixels());
+    model->render(problem.team, out.volume, out.images);
+  }
   out.offspring = out.voxel_updates = evolution.offspring();
   out.history = monitor.history();
   out.notes = evolution.notes();
@@ -137,6 +141,7 @@ Result<Solution> solve_ensemble(const Problem& problem, const ErtOptions& option
       out.sigma[j] =
           static_cast<float>(std::sqrt(std::max(0.0, (squares[j] - runs * mean * mean) / (runs - 1))));
   }
+  out.images.clear();
   out.notes.push_back(concat("mean of ", runs, " independent runs; history and notes are of the last"));
   return out;
 }

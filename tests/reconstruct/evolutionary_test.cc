@@ -26,6 +26,7 @@ struct Scene {
   Projector projector = *Projector::make(rig, grid, {}, team);
   ColumnTable columns{projector, 100, team};
   SolveControl control;
+  LinearModel model{projector};
   std::vector<float> packed = projector.layout().pack_images(images.values);
   Problem problem{projector, packed, control, team};
 
@@ -41,6 +42,20 @@ struct Scene {
     return layout.unpack_images(out);
   }
 };
+
+// The scheme of the paper with a small population.
+ErtOptions paper_options() {
+  ErtOptions options;
+  options.scheme = ErtOptions::Scheme::Paper;
+  options.pop_size = 4;
+  options.lp = 1;
+  options.mutation_rate = 0.8;
+  options.mutation_intensity = 3;
+  options.annihilation_rate = 0.3;
+  options.filter_rate = 0.6;
+  options.filter_intensity = 4;
+  return options;
+}
 
 TEST(Fitness, IsTheMeanAbsoluteDifferenceForPOne) {
   const auto a = random_values(1003, 1), b = random_values(1003, 2);
@@ -60,12 +75,18 @@ TEST(Fitness, TheBestHasRelativeFitnessOneAndTheWorstZero) {
 }
 
 TEST(Fitness, TheRouletteSelectsInProportion) {
-  const std::vector<double> fitness = {0, 1, 3};
+  const std::vector<double> fitness = {0, 1, 3, 0.5, 2};
   std::map<std::size_t, int> hits;
   Stream stream(5, 0);
-  for (int i = 0; i < 40000; ++i) ++hits[roulette(fitness, stream)];
+  constexpr int kDraws = 65000;
+  for (int i = 0; i < kDraws; ++i) ++hits[roulette(fitness, stream)];
   EXPECT_EQ(hits[0], 0);
-  EXPECT_NEAR(hits[1], 10000, 5 * std::sqrt(7500));
+  double chi_square = 0;
+  for (std::size_t i = 1; i < fitness.size(); ++i) {
+    const double expected = kDraws * fitness[i] / 6.5;
+    chi_square += (hits[i] - expected) * (hits[i] - expected) / expected;
+  }
+  EXPECT_LT(chi_square, 16.27);  // three degrees of freedom, one in a thousand
 }
 
 TEST(Mask, StageOneStaysInsideTheVisualHull) {
@@ -95,6 +116,45 @@ TEST(Mask, StageTwoDrawsInProportionToTheField) {
   EXPECT_LE(hits[0], 20);  // only until the chain leaves its random start
   for (std::uint32_t v = 1; v < 4; ++v) {
     EXPECT_NEAR(hits[v] / static_cast<double>(samples), density[v] / 8, 0.01);
+  }
+}
+
+// A chain remembers; every 64th step of one that moves in every second is as good as independent.
+TEST(Mask, TheMetropolisChainHasTheTargetAsItsStationaryDistribution) {
+  const std::vector<float> density = {1, 2, 3, 4, 5, 6, 7, 8};
+  Stream stream(11, 0);
+  const Mask chain = mask_from_field(density, 64 * 30000, stream);
+  std::vector<double> hits(density.size(), 0);
+  for (std::size_t i = 63; i < chain.size(); i += 64) ++hits[chain[i]];
+  double chi_square = 0;
+  for (std::size_t v = 0; v < density.size(); ++v) {
+    const double expected = 30000.0 * static_cast<double>(density[v]) / 36;
+    chi_square += (hits[v] - expected) * (hits[v] - expected) / expected;
+  }
+  EXPECT_LT(chi_square, 24.32);  // seven degrees of freedom, one in a thousand
+}
+
+// Johnson, Kotz and Balakrishnan, Continuous Univariate Distributions 1 (1994), Section 10.1.
+TEST(Mutation, DrawsFromATruncatedNormalDistribution) {
+  const auto density = [](double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * M_PI); };
+  const auto below = [](double x) { return 0.5 * std::erfc(-x / std::sqrt(2.0)); };
+  for (const auto& [mean, sigma] : {std::pair{0.0, 0.2}, {0.5, 0.1}, {0.9, 0.4}, {0.3, 3.0}}) {
+    const double a = -mean / sigma, b = (1 - mean) / sigma, share = below(b) - below(a);
+    const double shift = (density(a) - density(b)) / share;
+    const double expected = mean + sigma * shift;
+    const double variance = sigma * sigma * (1 + (a * density(a) - b * density(b)) / share - shift * shift);
+    Stream stream(3, 1);
+    constexpr int kDraws = 200000;
+    double sum = 0, squares = 0;
+    for (int i = 0; i < kDraws; ++i) {
+      const double v = stream.truncated_normal(mean, sigma);
+      ASSERT_TRUE(v >= 0 && v <= 1);
+      sum += v;
+      squares += v * v;
+    }
+    const double found = sum / kDraws;
+    EXPECT_NEAR(found, expected, 5 * std::sqrt(variance / kDraws)) << mean << ' ' << sigma;
+    EXPECT_NEAR(squares / kDraws - found * found, variance, 0.02 * variance) << mean << ' ' << sigma;
   }
 }
 
@@ -187,10 +247,10 @@ TEST(Chromosome, CrossoverIsTheVoxelWiseMeanWhateverTheBase) {
 
 TEST(Population, IncrementalImagesStayWithinTheDriftBoundOfARendering) {
   Scene scene;
-  const ErtOptions options;
-  Population population(scene.problem, options, 1.2f);
+  const ErtOptions options = paper_options();
+  Population population(scene.problem, options, scene.model, 1.2f);
   const Mask mask = scene.mask();
-  for (std::uint64_t g = 1; g <= 3000; ++g) population.evolve(mask, 0.1, 1, g << 16);
+  for (std::uint64_t g = 1; g <= 10000; ++g) population.evolve(mask, 0.1, 1, g << 16);
   for (std::size_t i = 0; i < population.members().size(); ++i) {
     auto rendered = scene.rendered(population.field(i));
     for (float& v : rendered) v *= 1.2f;
@@ -206,8 +266,9 @@ TEST(Population, IncrementalAndRenderedEvolutionAgree) {
   const Mask mask = scene.mask();
   std::vector<double> z;
   for (const bool incremental : {true, false}) {
-    const ErtOptions options{.incremental = incremental};
-    Population population(scene.problem, options, 1.2f);
+    ErtOptions options = paper_options();
+    options.incremental = incremental;
+    Population population(scene.problem, options, scene.model, 1.2f);
     for (std::uint64_t g = 1; g <= 60; ++g) population.evolve(mask, 0.1, 1, g << 16);
     z.push_back(population.best().z);
   }
@@ -216,8 +277,9 @@ TEST(Population, IncrementalAndRenderedEvolutionAgree) {
 
 TEST(Population, StrongElitismNeverLosesTheBest) {
   Scene scene;
-  const ErtOptions options{.weak_elitism = false};
-  Population population(scene.problem, options, 1.2f);
+  ErtOptions options = paper_options();
+  options.weak_elitism = false;
+  Population population(scene.problem, options, scene.model, 1.2f);
   const Mask mask = scene.mask();
   double last = population.best().z;
   for (std::uint64_t g = 1; g <= 300; ++g) {

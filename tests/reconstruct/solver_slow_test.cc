@@ -43,14 +43,5 @@ TEST(SolverSlow, EverySolverRecoversTheStratifiedFlameFromNoisy8BitImages) {
   }
 }
 
-TEST(SolverSlow, EvolutionRecoversTheTorusOfThePaper) {
-  const Scene scene = scene_of(PhantomKind::Torus, centred_grid(40, 40, 40, 1),
-                               {.views = 8, .spacing_rad = 0.39269908169872414, .radius_mm = 240}, {});
-  Recipe recipe{"ert", {{"ert.max_generations", std::int64_t{150000}}}};
-  const FieldMetrics m = solve(scene, recipe, 50);
-  EXPECT_GT(m.pearson, 0.95);
-  EXPECT_LT(m.sqmd, 0.1);
-}
-
 }  // namespace
 }  // namespace flamefield

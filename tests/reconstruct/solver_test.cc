@@ -76,43 +76,6 @@ INSTANTIATE_TEST_SUITE_P(All, SolverTest,
                                                                                : tested.param.solver);
                          });
 
-// Short evolutions; the slow tests let it run to the end.
-Recipe short_ert(const char* generations) {
-  return recipe_of("ert", {generations, "ert.ma_start=3000", "ert.steps=500", "ert.sigma_generations=4000"});
-}
-
-TEST(Ert, FindsASmallTorus) {
-  const auto out = run(short_ert("ert.max_generations=12000"));
-  ASSERT_TRUE(out.has_value());
-  EXPECT_EQ(out->stop_reason, StopReason::Iterations);
-  EXPECT_GT(compare(torus().truth, out->volume)->pearson, 0.9);
-  EXPECT_GT(out->history.back().fitness, 0.99);
-}
-
-TEST(Ert, TheSameSeedGivesTheSameVolumeBitForBitWhateverTheNumberOfThreads) {
-  const Recipe recipe = short_ert("ert.max_generations=700");
-  const auto one = run(recipe, {.threads = 1, .seed = 5}), three = run(recipe, {.threads = 3, .seed = 5});
-  const auto other = run(recipe, {.threads = 1, .seed = 6});
-  ASSERT_TRUE(one && three && other);
-  EXPECT_EQ(one->volume.values, three->volume.values);
-  EXPECT_NE(one->volume.values, other->volume.values);
-}
-
-TEST(Ert, EndsAtTheFitnessThresholdInTimeAndWhenCancelled) {
-  const auto fit = run(recipe_of("ert", {"ert.fit_threshold=0.95"}));
-  ASSERT_TRUE(fit.has_value());
-  EXPECT_EQ(fit->stop_reason, StopReason::Fitness);
-  EXPECT_GE(fit->history.back().fitness, 0.95);
-  const auto late = run(recipe_of("ert"), {.time_limit_s = 0.3});
-  ASSERT_TRUE(late.has_value());
-  EXPECT_EQ(late->stop_reason, StopReason::TimeLimit);
-  std::stop_source source;
-  source.request_stop();
-  const auto cancelled = run(recipe_of("ert"), {.stop = source.get_token()});
-  ASSERT_TRUE(cancelled.has_value());
-  EXPECT_EQ(cancelled->stop_reason, StopReason::Cancelled);
-}
-
 TEST(Solver, ReturnsTheBestSoFarWhenCancelledOrOutOfTime) {
   std::stop_source source;
   source.request_stop();
