@@ -1,4 +1,4 @@
-// bench solvers, bench ert: what a solver reaches, and in which time.
+// bench solvers: what a solver reaches, and in which time.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <iostream>
@@ -131,21 +131,6 @@ void add_bench_solvers(CLI::App& group, Session& session) {
   command->add_option("--solver", options->solvers, "These only")->delimiter(',');
   add_options(*command, *options);
   command->footer("Example:\n  flamefield bench solvers --solver mlem,sirt --target 0.98");
-  command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
-}
-
-void add_bench_ert(CLI::App& group, Session& session) {
-  auto options = std::make_shared<Options>();
-  options->solvers = {"ert"};
-  options->phantom = "torus";
-  options->size = {40, 40, 40};
-  options->views = 8;
-  options->spacing_deg = 22.5;
-  options->noise = {0};
-  options->most_s = 60;
-  auto* command = group.add_subcommand("ert", "Time of the evolutionary solver: torus of 40^3, 8 views");
-  add_options(*command, *options);
-  command->footer("Example:\n  flamefield bench ert --seconds 32");
   command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
 }
 

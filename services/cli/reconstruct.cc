@@ -30,8 +30,13 @@ struct Options {
 nlohmann::json json_of(const Reconstruction& result) {
   nlohmann::json history = nlohmann::json::array();
   for (const HistoryPoint& point : result.history) {
-    history.push_back(
-        {{"iteration", point.iteration}, {"residual", point.residual}, {"elapsed_s", point.elapsed_s}});
+    nlohmann::json entry = {
+        {"iteration", point.iteration}, {"residual", point.residual}, {"elapsed_s", point.elapsed_s}};
+    if (result.offspring > 0) {
+      entry["fitness"] = point.fitness;
+      entry["operator_success"] = point.operator_success;
+    }
+    history.push_back(std::move(entry));
   }
   return {{"solver", result.solver},
           {"iterations", result.iterations},
@@ -39,6 +44,7 @@ nlohmann::json json_of(const Reconstruction& result) {
           {"residual_per_view", result.residual_per_view},
           {"wall_s", result.wall_s},
           {"voxel_updates", result.voxel_updates},
+          {"offspring", result.offspring},
           {"peak_rss_mib", peak_rss_mib()},
           {"projector_engine", result.projector_engine},
           {"stop_reason", name_of(result.stop_reason)},
