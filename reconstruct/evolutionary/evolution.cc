@@ -5,7 +5,7 @@
 
 #include "proto/check.h"
 #include "reconstruct/evolutionary/state_bytes.h"
-#include "reconstruct/variational/noise_level.h"
+#include "reconstruct/noise_model.h"
 
 namespace flamefield {
 
