@@ -26,7 +26,8 @@ constexpr std::array kCauses = {NameRow<LossCause>{LossCause::Missed, "missed"},
                                 NameRow<LossCause>{LossCause::Late, "late"},
                                 NameRow<LossCause>{LossCause::Duplicate, "duplicate"},
                                 NameRow<LossCause>{LossCause::CameraLost, "camera-lost"},
-                                NameRow<LossCause>{LossCause::NoBuffer, "no-buffer"}};
+                                NameRow<LossCause>{LossCause::NoBuffer, "no-buffer"},
+                                NameRow<LossCause>{LossCause::Corrupt, "corrupt"}};
 constexpr std::array kKinds = {NameRow<CaptureKind>{CaptureKind::Dark, "dark"},
                                NameRow<CaptureKind>{CaptureKind::Background, "background"},
                                NameRow<CaptureKind>{CaptureKind::Flat, "flat"},

@@ -37,7 +37,7 @@ struct Frame {
 Result<Image> grey_levels(const Frame& frame);
 
 // Why a camera has no frame in a set.
-enum class LossCause { Missed, Incomplete, Late, Duplicate, CameraLost, NoBuffer };
+enum class LossCause { Missed, Incomplete, Late, Duplicate, CameraLost, NoBuffer, Corrupt };
 std::string_view name_of(LossCause cause);
 std::optional<LossCause> loss_cause_from_name(std::string_view name);
 

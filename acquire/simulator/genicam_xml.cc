@@ -165,6 +165,9 @@ void write_image_features(XmlWriter& xml, int width_px, int height_px) {
   Entries formats;
   for (const PixelCode& entry : kPixelCodes) formats.emplace_back(name_of(entry.format), entry.code);
   xml.choice("PixelFormat", reg::kPixelFormat, formats);
+  xml.integer("BinningHorizontal", reg::kBinningX, 1, reg::kMaxBinning);
+  xml.integer("BinningVertical", reg::kBinningY, 1, reg::kMaxBinning);
+  xml.choice("TestImageSelector", reg::kTestImage, {{"Off", 0}, {"Testimage1", 1}});
   xml.category("AnalogControls");
   xml.integer("GainRaw", reg::kGainRaw, 0, 500);
   xml.integer("BlackLevelRaw", reg::kBlackLevelRaw, 0, 255);
@@ -176,13 +179,16 @@ void write_acquisition_features(XmlWriter& xml) {
   xml.command("AcquisitionStart", reg::kAcquisition, 1);
   xml.command("AcquisitionStop", reg::kAcquisition, 0);
   xml.real("ExposureTimeAbs", reg::kExposure, 4, 1e6, "us");
+  xml.real("TriggerDelayAbs", reg::kTriggerDelay, 0, 1e6, "us");
   xml.real("AcquisitionFrameRateAbs", reg::kFramePeriod, 0.1, 100, "Hz", 1'000'000);
   const Selected trigger{"TriggerSelector", reg::kTriggerSelectorStride};
   xml.selector("TriggerSelector", {{"FrameStart", 0}, {"AcquisitionStart", 1}},
                {"TriggerMode", "TriggerSource", "TriggerActivation"});
   xml.choice("TriggerMode", reg::kTriggerMode, {{"Off", 0}, {"On", 1}}, trigger);
-  xml.choice("TriggerSource", reg::kTriggerSource,
-             {{"Software", reg::kSourceSoftware}, {"Line1", reg::kSourceLine1}}, trigger);
+  xml.choice(
+      "TriggerSource", reg::kTriggerSource,
+      {{"Software", reg::kSourceSoftware}, {"Line1", reg::kSourceLine1}, {"Action1", reg::kSourceAction1}},
+      trigger);
   xml.choice("TriggerActivation", reg::kTriggerActivation, {{"RisingEdge", 0}, {"FallingEdge", 1}}, trigger);
   xml.command("TriggerSoftware", reg::kTriggerSoftware, 1);
   xml.category("CounterAndTimerControls");
@@ -193,12 +199,21 @@ void write_acquisition_features(XmlWriter& xml) {
 void write_chunk_features(XmlWriter& xml) {
   xml.category("ChunkDataStreams");
   xml.boolean("ChunkModeActive", reg::kChunkMode);
-  xml.selector("ChunkSelector", {{"Framecounter", 0}, {"Triggerinputcounter", 1}, {"Timestamp", 2}},
+  xml.selector("ChunkSelector",
+               {{"Framecounter", 0}, {"Triggerinputcounter", 1}, {"Timestamp", 2}, {"ExposureTime", 3}},
                {"ChunkEnable"});
   xml.boolean("ChunkEnable", reg::kChunkEnable, {"ChunkSelector", reg::kChunkSelectorStride});
   xml.chunk("ChunkFramecounter", reg::kChunkFramecounterId);
   xml.chunk("ChunkTriggerinputcounter", reg::kChunkTriggerinputcounterId);
   xml.chunk("ChunkTimestamp", reg::kChunkTimestampId);
+  xml.chunk("ChunkExposureTime", reg::kChunkExposureTimeId);
+}
+
+void write_action_features(XmlWriter& xml) {
+  xml.category("ActionControl");
+  xml.integer("ActionDeviceKey", reg::kActionDeviceKey, 0, 0xffffffff);
+  xml.integer("ActionGroupKey", reg::kActionGroupKey, 0, 0xffffffff);
+  xml.integer("ActionGroupMask", reg::kActionGroupMask, 0, 0xffffffff);
 }
 
 void write_transport_features(XmlWriter& xml) {
@@ -228,6 +243,7 @@ std::string genicam_xml(int sensor_width_px, int sensor_height_px) {
   write_image_features(xml, sensor_width_px, sensor_height_px);
   write_acquisition_features(xml);
   write_chunk_features(xml);
+  write_action_features(xml);
   write_transport_features(xml);
   return xml.finish();
 }

@@ -54,6 +54,11 @@ std::optional<ResendRequest> decode_resend(std::span<const std::uint8_t> payload
   return request;
 }
 
+std::optional<ActionCommand> decode_action(std::span<const std::uint8_t> payload) {
+  if (payload.size() < 12) return std::nullopt;
+  return ActionCommand{load_u32(payload.data()), load_u32(payload.data() + 4), load_u32(payload.data() + 8)};
+}
+
 std::vector<std::uint8_t> encode_acknowledge(const GvcpCommand& command, GvcpStatus status,
                                              std::span<const std::uint8_t> payload) {
   std::vector<std::uint8_t> out;

@@ -15,6 +15,7 @@ enum class GvcpCode : std::uint16_t {
   WriteRegisters = 0x0082,
   ReadMemory = 0x0084,
   WriteMemory = 0x0086,
+  Action = 0x0100,
 };
 
 enum class GvcpStatus : std::uint16_t {
@@ -58,6 +59,14 @@ struct ResendRequest {
   std::uint32_t last_packet = 0;
 };
 std::optional<ResendRequest> decode_resend(std::span<const std::uint8_t> payload);
+
+// Fires every camera whose keys are the same and whose mask shares a bit.
+struct ActionCommand {
+  std::uint32_t device_key = 0;
+  std::uint32_t group_key = 0;
+  std::uint32_t group_mask = 0;
+};
+std::optional<ActionCommand> decode_action(std::span<const std::uint8_t> payload);
 
 std::vector<std::uint8_t> encode_acknowledge(const GvcpCommand& command, GvcpStatus status,
                                              std::span<const std::uint8_t> payload);

@@ -1,7 +1,5 @@
 #include "acquire/simulator/gvsp.h"
 
-#include <algorithm>
-
 #include "acquire/simulator/big_endian.h"
 #include "proto/check.h"
 
@@ -52,11 +50,21 @@ void encode_packet(const StreamFrame& frame, std::uint32_t packet, std::vector<s
     append_u32(out, frame.height_px);
   } else {
     append_header(out, 0, frame.frame_id, kPayload, packet);
-    const std::size_t begin = std::size_t{packet - 1} * frame.packet_payload;
-    const std::size_t end = std::min(begin + frame.packet_payload, frame.payload.size());
-    out.insert(out.end(), frame.payload.begin() + static_cast<std::ptrdiff_t>(begin),
-               frame.payload.begin() + static_cast<std::ptrdiff_t>(end));
+    const auto part = frame.part(packet);
+    out.insert(out.end(), part.begin(), part.end());
   }
+}
+
+std::array<std::uint8_t, 8> payload_header(const StreamFrame& frame, std::uint32_t packet) {
+  const auto byte = [](std::uint32_t value) { return static_cast<std::uint8_t>(value); };
+  return {0,
+          0,
+          byte(std::uint32_t{frame.frame_id} >> 8),
+          byte(frame.frame_id),
+          byte(kPayload),
+          byte(packet >> 16),
+          byte(packet >> 8),
+          byte(packet)};
 }
 
 void encode_unavailable(std::uint16_t frame_id, std::uint32_t packet, std::vector<std::uint8_t>& out) {

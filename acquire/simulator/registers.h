@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 // Where the simulated camera keeps what. Bootstrap registers: GigE Vision 2.0, section 28. The others are
@@ -45,11 +46,15 @@ inline constexpr std::uint32_t kPixelFormat = 0x2018;
 inline constexpr std::uint32_t kPayloadSize = 0x201c;
 inline constexpr std::uint32_t kGainRaw = 0x2020;
 inline constexpr std::uint32_t kBlackLevelRaw = 0x2024;
+inline constexpr std::uint32_t kTestImage = 0x2028;  // 1: a stamped ramp instead of the sensor's picture
+inline constexpr std::uint32_t kBinningX = 0x202c;
+inline constexpr std::uint32_t kBinningY = 0x2030;
 inline constexpr std::uint32_t kAcquisition = 0x2040;  // 1 while the camera may send pictures
 inline constexpr std::uint32_t kAcquisitionMode = 0x2044;
 inline constexpr std::uint32_t kExposure = 0x2048;           // us
 inline constexpr std::uint32_t kFramePeriod = 0x204c;        // us
 inline constexpr std::uint32_t kTransmissionDelay = 0x2050;  // ticks
+inline constexpr std::uint32_t kTriggerDelay = 0x2054;       // us
 inline constexpr std::uint32_t kTriggerSoftware = 0x2060;
 inline constexpr std::uint32_t kTriggerSelectorStride = 0x20;  // FrameStart at +0, AcquisitionStart at +0x20
 inline constexpr std::uint32_t kTriggerMode = 0x2080;
@@ -59,11 +64,17 @@ inline constexpr std::uint32_t kCounterReset = 0x20c0;
 inline constexpr std::uint32_t kCounterValue = 0x20c4;  // triggers since the reset
 inline constexpr std::uint32_t kChunkMode = 0x2100;
 inline constexpr std::uint32_t kChunkSelectorStride = 0x4;
-inline constexpr std::uint32_t kChunkEnable = 0x2104;  // Framecounter, Triggerinputcounter, Timestamp
+inline constexpr std::uint32_t kChunkEnable = 0x2104;  // one register for each of kChunkIds
+inline constexpr std::uint32_t kActionDeviceKey = 0x2140;
+inline constexpr std::uint32_t kActionGroupKey = 0x2144;
+inline constexpr std::uint32_t kActionGroupMask = 0x2148;
 
 inline constexpr std::uint32_t kChunkFramecounterId = 0xa3a0;
 inline constexpr std::uint32_t kChunkTriggerinputcounterId = 0xa3a1;
 inline constexpr std::uint32_t kChunkTimestampId = 0xa3a2;
+inline constexpr std::uint32_t kChunkExposureTimeId = 0xa3a3;
+inline constexpr std::array kChunkIds = {kChunkFramecounterId, kChunkTriggerinputcounterId, kChunkTimestampId,
+                                         kChunkExposureTimeId};
 inline constexpr std::uint32_t kChunkImageId = 0x0001;
 
 inline constexpr std::uint32_t kXml = 0x10000;  // the GenICam file starts here, read-only
@@ -71,5 +82,7 @@ inline constexpr std::uint32_t kXml = 0x10000;  // the GenICam file starts here,
 inline constexpr std::uint32_t kTickFrequency_hz = 125'000'000;  // as in the real camera
 inline constexpr std::uint32_t kSourceLine1 = 1;
 inline constexpr std::uint32_t kSourceSoftware = 0;
+inline constexpr std::uint32_t kSourceAction1 = 3;
+inline constexpr std::uint32_t kMaxBinning = 4;
 
 }  // namespace flamefield::reg

@@ -14,6 +14,7 @@ struct Pulse {
   std::int64_t number = 0;   // since the generator was made, from 1
   std::int64_t index = 0;    // in its train, from 0
   std::int64_t time_ns = 0;  // UTC, when the edge was due
+  bool is_stray = false;     // noise on the line of one camera, after the pulse of this number
 };
 
 // Exposure time that a scene's light is given for.

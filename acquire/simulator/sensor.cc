@@ -116,8 +116,9 @@ Sensor::Sensor(const SensorModel& model, int width_px, int height_px, std::uint6
 std::vector<std::uint8_t> Sensor::expose(const Image* light, const Readout& readout,
                                          std::int64_t pulse) const {
   expect(readout.offset_x_px >= 0 && readout.offset_y_px >= 0 && readout.width_px > 0 &&
-             readout.height_px > 0 && readout.offset_x_px + readout.width_px <= width_px_ &&
-             readout.offset_y_px + readout.height_px <= height_px_,
+             readout.height_px > 0 && readout.binning_x > 0 && readout.binning_y > 0 &&
+             (readout.offset_x_px + readout.width_px) * readout.binning_x <= width_px_ &&
+             (readout.offset_y_px + readout.height_px) * readout.binning_y <= height_px_,
          "the region of interest is on the sensor");
   if (light && (light->width_px != width_px_ || light->height_px != height_px_)) light = nullptr;
   std::vector<std::uint16_t> levels(static_cast<std::size_t>(readout.width_px) *
@@ -130,13 +131,26 @@ std::vector<std::uint8_t> Sensor::expose(const Image* light, const Readout& read
   const auto dark = static_cast<float>(model_.dark_level_dn12 + readout.black_level_raw);
   const bool has_noise = model_.has_shot_noise || model_.read_noise_e > 0;
   const std::uint64_t stream = mix(seed_ ^ mix(static_cast<std::uint64_t>(pulse)));
+  // Charge of one pixel of the sensor.
+  const auto charge_at = [&](std::size_t i) {
+    const float lit = light ? std::max(light->pixels[i], 0.0f) * vignetting_[i] : 0.0f;
+    return (lit + dark_e_[i]) * exposure;
+  };
+  const auto stride = static_cast<std::size_t>(width_px_);
   std::size_t o = 0;
   for (int y = readout.offset_y_px; y < readout.offset_y_px + readout.height_px; ++y) {
-    std::size_t i = static_cast<std::size_t>(y) * static_cast<std::size_t>(width_px_) +
-                    static_cast<std::size_t>(readout.offset_x_px);
-    for (int x = 0; x < readout.width_px; ++x, ++i, ++o) {
-      const float lit = light ? std::max(light->pixels[i], 0.0f) * vignetting_[i] : 0.0f;
-      const float charge = std::min((lit + dark_e_[i]) * exposure, full_well);
+    for (int x = readout.offset_x_px; x < readout.offset_x_px + readout.width_px; ++x, ++o) {
+      const std::size_t i = static_cast<std::size_t>(y * readout.binning_y) * stride +
+                            static_cast<std::size_t>(x * readout.binning_x);
+      float charge = charge_at(i);
+      if (readout.binning_x * readout.binning_y > 1) {
+        charge = 0;
+        for (int by = 0; by < readout.binning_y; ++by) {
+          for (int bx = 0; bx < readout.binning_x; ++bx)
+            charge += charge_at(i + static_cast<std::size_t>(by) * stride + static_cast<std::size_t>(bx));
+        }
+      }
+      charge = std::min(charge, full_well);
       float level = dark + levels_per_e * charge;
       if (has_noise) {
         const float variance = read_variance + (model_.has_shot_noise ? charge : 0.0f);

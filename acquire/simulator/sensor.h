@@ -35,6 +35,8 @@ class Sensor {
     PixelFormat format = PixelFormat::Mono8;
     int offset_x_px = 0, offset_y_px = 0;  // region of interest
     int width_px = 0, height_px = 0;
+    int binning_x = 1,
+        binning_y = 1;  // sensor pixels whose charges are added; the region counts binned pixels
     double exposure_us = 0;
     int gain_raw = 0;
     int black_level_raw = 0;  // in levels of 12 bits

@@ -18,8 +18,8 @@ namespace flamefield {
 
 namespace {
 
-constexpr std::uint32_t kCapabilities = 1u << 1 | 1u << 2;  // WRITEMEM, packet resend
-constexpr std::uint32_t kControlBits = 3;                   // exclusive, control
+constexpr std::uint32_t kCapabilities = 1u << 1 | 1u << 2 | 1u << 6;  // WRITEMEM, packet resend, ACTION
+constexpr std::uint32_t kControlBits = 3;                             // exclusive, control
 constexpr std::uint32_t kFireTestPacket = 1u << 31;
 constexpr std::uint32_t kPacketSizeMask = 0xffff;
 constexpr std::uint32_t kMinPacketSize = 220, kMaxPacketSize = 16404;
@@ -33,30 +33,35 @@ std::vector<WritableRange> writable_ranges(int width_px, int height_px) {
   const auto width = static_cast<std::uint32_t>(width_px), height = static_cast<std::uint32_t>(height_px);
   constexpr std::uint32_t kAny = 0xffffffff;
   const std::uint32_t other_trigger = reg::kTriggerSelectorStride;
-  return {{reg::kHeartbeatTimeout, reg::kHeartbeatTimeout, 500, kAny},
-          {reg::kTimestampControl, reg::kTimestampControl, 0, 3},
-          {reg::kControlPrivilege, reg::kControlPrivilege, 0, kControlBits},
-          {reg::kStreamPort, reg::kStreamPort, 0, kAny},
-          {reg::kPacketSize, reg::kPacketSize, 0, kAny},
-          {reg::kPacketDelay, reg::kPacketDelay, 0, kAny},
-          {reg::kStreamAddress, reg::kStreamAddress, 0, kAny},
-          {reg::kWidth, reg::kWidth, 1, width},
-          {reg::kHeight, reg::kHeight, 1, height},
-          {reg::kOffsetX, reg::kOffsetX, 0, width - 1},
-          {reg::kOffsetY, reg::kOffsetY, 0, height - 1},
-          {reg::kPixelFormat, reg::kPixelFormat, 0, kAny},
-          {reg::kGainRaw, reg::kGainRaw, 0, 500},
-          {reg::kBlackLevelRaw, reg::kBlackLevelRaw, 0, 255},
-          {reg::kAcquisition, reg::kAcquisition, 0, 1},
-          {reg::kAcquisitionMode, reg::kAcquisitionMode, 0, 2},
-          {reg::kExposure, reg::kExposure, 4, 1'000'000},
-          {reg::kFramePeriod, reg::kFramePeriod, 10'000, 10'000'000},
-          {reg::kTransmissionDelay, reg::kTransmissionDelay, 0, 50'000'000},
-          {reg::kTriggerSoftware, reg::kTriggerSoftware, 0, 1},
-          {reg::kTriggerMode, reg::kTriggerActivation, 0, 1},
-          {reg::kTriggerMode + other_trigger, reg::kTriggerActivation + other_trigger, 0, 1},
-          {reg::kCounterReset, reg::kCounterReset, 0, 1},
-          {reg::kChunkMode, reg::kChunkEnable + 2 * reg::kChunkSelectorStride, 0, 1}};
+  return {
+      {reg::kHeartbeatTimeout, reg::kHeartbeatTimeout, 500, kAny},
+      {reg::kTimestampControl, reg::kTimestampControl, 0, 3},
+      {reg::kControlPrivilege, reg::kControlPrivilege, 0, kControlBits},
+      {reg::kStreamPort, reg::kStreamPort, 0, kAny},
+      {reg::kPacketSize, reg::kPacketSize, 0, kAny},
+      {reg::kPacketDelay, reg::kPacketDelay, 0, kAny},
+      {reg::kStreamAddress, reg::kStreamAddress, 0, kAny},
+      {reg::kWidth, reg::kWidth, 1, width},
+      {reg::kHeight, reg::kHeight, 1, height},
+      {reg::kOffsetX, reg::kOffsetX, 0, width - 1},
+      {reg::kOffsetY, reg::kOffsetY, 0, height - 1},
+      {reg::kPixelFormat, reg::kPixelFormat, 0, kAny},
+      {reg::kGainRaw, reg::kGainRaw, 0, 500},
+      {reg::kBlackLevelRaw, reg::kBlackLevelRaw, 0, 255},
+      {reg::kTestImage, reg::kTestImage, 0, 1},
+      {reg::kBinningX, reg::kBinningY, 1, reg::kMaxBinning},
+      {reg::kAcquisition, reg::kAcquisition, 0, 1},
+      {reg::kAcquisitionMode, reg::kAcquisitionMode, 0, 2},
+      {reg::kExposure, reg::kExposure, 4, 1'000'000},
+      {reg::kFramePeriod, reg::kFramePeriod, 10'000, 10'000'000},
+      {reg::kTransmissionDelay, reg::kTransmissionDelay, 0, 50'000'000},
+      {reg::kTriggerDelay, reg::kTriggerDelay, 0, 1'000'000},
+      {reg::kTriggerSoftware, reg::kTriggerSoftware, 0, 1},
+      {reg::kTriggerMode, reg::kTriggerActivation, 0, reg::kSourceAction1},
+      {reg::kTriggerMode + other_trigger, reg::kTriggerActivation + other_trigger, 0, reg::kSourceAction1},
+      {reg::kCounterReset, reg::kCounterReset, 0, 1},
+      {reg::kActionDeviceKey, reg::kActionGroupMask, 0, kAny},
+      {reg::kChunkMode, reg::kChunkEnable + (reg::kChunkIds.size() - 1) * reg::kChunkSelectorStride, 0, 1}};
 }
 
 }  // namespace
@@ -67,7 +72,8 @@ SimulatedCamera::SimulatedCamera(const SimulatedCameraOptions& options, SceneSou
       stream_socket_(stream_socket),
       registers_(genicam_xml(options.width_px, options.height_px)),
       sensor_(options.sensor, options.width_px, options.height_px, options.seed * 1000 + options.number),
-      epoch_ns_(utc_now_ns()) {
+      epoch_ns_(utc_now_ns()),
+      clock_offset_ns_(options.clock_offset_ns) {
   reset_registers();
   thread_ = std::thread([this] { run(); });
 }
@@ -115,6 +121,13 @@ void SimulatedCamera::reset_registers() {
       {reg::kPayloadSize, width * height},
       {reg::kGainRaw, 0},
       {reg::kBlackLevelRaw, 0},
+      {reg::kTestImage, 0},
+      {reg::kBinningX, 1},
+      {reg::kBinningY, 1},
+      {reg::kTriggerDelay, 0},
+      {reg::kActionDeviceKey, 0},
+      {reg::kActionGroupKey, 0},
+      {reg::kActionGroupMask, 0},
       {reg::kAcquisition, 0},
       {reg::kAcquisitionMode, 2},
       {reg::kExposure, static_cast<std::uint32_t>(kSceneExposure_us)},
@@ -124,10 +137,10 @@ void SimulatedCamera::reset_registers() {
       {reg::kTriggerSource, reg::kSourceLine1},
       {reg::kTriggerActivation, 0},
       {reg::kTriggerMode + reg::kTriggerSelectorStride, 0},
-      {reg::kChunkMode, 0},
-      {reg::kChunkEnable, 0},
-      {reg::kChunkEnable + reg::kChunkSelectorStride, 0},
-      {reg::kChunkEnable + 2 * reg::kChunkSelectorStride, 0}};
+      {reg::kChunkMode, 0}};
+  for (std::uint32_t i = 0; i < reg::kChunkIds.size(); ++i) {
+    registers_.set(reg::kChunkEnable + i * reg::kChunkSelectorStride, 0);
+  }
   for (const auto& [address, value] : defaults) registers_.set(address, value);
   registers_.set_text(reg::kVendorName, 32, "Basler");
   registers_.set_text(reg::kModelName, 32, "acA645-100gm");
@@ -143,10 +156,8 @@ std::optional<std::vector<std::uint8_t>> SimulatedCamera::handle(std::span<const
   const std::optional<GvcpCommand> command = decode_gvcp(packet);
   {
     const std::lock_guard lock(mutex_);
-    if (!has_power_) {
-      controller_.reset();
-      return std::nullopt;
-    }
+    if (!has_power_) controller_.reset();
+    if (!has_power_ || is_link_cut_) return std::nullopt;
     ++(command ? counters_.commands : counters_.refused_packets);
   }
   if (!command) return std::nullopt;
@@ -201,6 +212,12 @@ std::optional<std::vector<std::uint8_t>> SimulatedCamera::handle(std::span<const
     case GvcpCode::WriteMemory:
       status = write_memory(command->payload, from);
       append_u32(reply, static_cast<std::uint32_t>(command->payload.size()));
+      break;
+    case GvcpCode::Action:
+      if (const auto action = decode_action(command->payload)) {
+        status = GvcpStatus::Success;
+        act(*action);
+      }
       break;
     case GvcpCode::PacketResend:
       if (const auto request = decode_resend(command->payload)) resend(*request);
@@ -289,26 +306,53 @@ void SimulatedCamera::after_write(const RegisterWrite& write) {
     case reg::kAcquisition: {
       const std::lock_guard lock(mutex_);
       orders_.clear();
-      if (write.value == 1) last_frame_id_ = 0;
+      if (write.value == 1) last_frame_id_ = static_cast<std::uint16_t>(options_.first_frame_id - 1);
       break;
     }
-    default: {
-      const auto format =
-          pixel_format_from_code(registers_.get(reg::kPixelFormat)).value_or(PixelFormat::Mono8);
-      std::size_t payload = bytes_of_image(format, static_cast<int>(registers_.get(reg::kWidth)),
-                                           static_cast<int>(registers_.get(reg::kHeight)));
-      if (registers_.get(reg::kChunkMode) == 1) {
-        payload += 8;  // id and length of the image itself
-        for (std::uint32_t i = 0; i < 3; ++i) {
-          const bool is_on = registers_.get(reg::kChunkEnable + i * reg::kChunkSelectorStride) == 1;
-          if (is_on) payload += i == 2 ? 16 : 12;
-        }
-      }
-      registers_.set(reg::kPayloadSize, static_cast<std::uint32_t>(payload));
-    }
+    case reg::kBinningX:
+    case reg::kBinningY:
+      fit_region();
+      break;
+    default:
+      update_payload_size();
   }
   { const std::lock_guard lock(mutex_); }  // the picture thread is either asleep or has yet to look
   wake_.notify_all();
+}
+
+// Binned pixels are larger, so fewer fit on the sensor.
+void SimulatedCamera::fit_region() {
+  const auto shrink = [this](std::uint32_t size, std::uint32_t offset, std::uint32_t binning, int sensor_px) {
+    const std::uint32_t most = static_cast<std::uint32_t>(sensor_px) / registers_.get(binning);
+    registers_.set(size, std::min(registers_.get(size), most));
+    registers_.set(offset, std::min(registers_.get(offset), most - registers_.get(size)));
+  };
+  shrink(reg::kWidth, reg::kOffsetX, reg::kBinningX, options_.width_px);
+  shrink(reg::kHeight, reg::kOffsetY, reg::kBinningY, options_.height_px);
+  update_payload_size();
+}
+
+void SimulatedCamera::update_payload_size() {
+  const auto format = pixel_format_from_code(registers_.get(reg::kPixelFormat)).value_or(PixelFormat::Mono8);
+  std::size_t payload = bytes_of_image(format, static_cast<int>(registers_.get(reg::kWidth)),
+                                       static_cast<int>(registers_.get(reg::kHeight)));
+  if (registers_.get(reg::kChunkMode) == 1) {
+    payload += 8;  // id and length of the image itself
+    for (std::uint32_t i = 0; i < reg::kChunkIds.size(); ++i) {
+      const bool is_on = registers_.get(reg::kChunkEnable + i * reg::kChunkSelectorStride) == 1;
+      if (is_on) payload += reg::kChunkIds[i] == reg::kChunkTimestampId ? 16 : 12;
+    }
+  }
+  registers_.set(reg::kPayloadSize, static_cast<std::uint32_t>(payload));
+}
+
+void SimulatedCamera::act(const ActionCommand& action) {
+  if (action.device_key != registers_.get(reg::kActionDeviceKey) ||
+      action.group_key != registers_.get(reg::kActionGroupKey) ||
+      (action.group_mask & registers_.get(reg::kActionGroupMask)) == 0) {
+    return;
+  }
+  count_and_order({.number = 0, .index = 0, .time_ns = utc_now_ns()}, reg::kSourceAction1);
 }
 
 void SimulatedCamera::latch_clock() {
@@ -336,6 +380,8 @@ void SimulatedCamera::set_power(bool on) {
   const std::lock_guard lock(mutex_);
   if (on == has_power_) return;
   has_power_ = on;
+  epoch_ns_ = utc_now_ns();
+  clock_offset_ns_ = 0;
   orders_.clear();
   history_.clear();
   trigger_count_ = 0;

@@ -2,6 +2,8 @@
 
 #include <netinet/in.h>
 
+#include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -20,6 +22,8 @@
 #include "acquire/simulator/register_memory.h"
 #include "acquire/simulator/scene.h"
 #include "acquire/simulator/sensor.h"
+#include "acquire/simulator/test_image.h"
+#include "acquire/simulator/transmission.h"
 
 namespace flamefield {
 
@@ -32,6 +36,8 @@ struct SimulatedCameraOptions {
   int height_px = 494;
   std::int64_t clock_offset_ns = 0;  // the camera's clock at UTC 0 of the array
   double clock_drift_ppm = 0;
+  std::uint16_t first_frame_id = 1;  // after AcquisitionStart; the one after 65535 is 1
+  double line_rate_bits_per_s = 0;   // of its network port; 0: as fast as it goes
   std::uint64_t seed = 1;
   SensorModel sensor;
 };
@@ -76,6 +82,7 @@ class SimulatedCamera {
   struct Order {
     Pulse pulse;
     std::uint32_t trigger_count = 0;
+    std::int64_t exposure_ns = 0;  // UTC, when the exposure begins
   };
   struct Controller {
     in_addr_t address = 0;
@@ -94,13 +101,23 @@ class SimulatedCamera {
   void latch_clock();
   std::uint64_t ticks_at(std::int64_t time_ns) const;
 
+  void fit_region();
+  void update_payload_size();
+  void act(const ActionCommand& action);
+
+  void follow_power_and_link(std::int64_t pulse);
   void count_and_order(const Pulse& pulse, std::uint32_t source);
   bool is_free_running() const;
   void run();
+  std::optional<Order> next_order();
+  Sensor::Readout readout() const;
+  std::vector<std::uint8_t> expose(const Order& order);
   std::shared_ptr<StreamFrame> take_picture(const Order& order);
   void append_chunks(StreamFrame& frame, const Order& order) const;
+  void transmit(std::shared_ptr<StreamFrame> frame);
   void send(const StreamFrame& frame);
-  bool is_dropped(const StreamFrame& frame, std::uint32_t packet, std::uint64_t attempt) const;
+  void pace(std::size_t packets, std::size_t bytes, std::chrono::steady_clock::time_point begin) const;
+  Transmission transmission() const { return {faults_, options_.seed * 1000 + options_.number}; }
   sockaddr_in stream_destination() const;
 
   const SimulatedCameraOptions options_;
@@ -108,8 +125,10 @@ class SimulatedCamera {
   const int stream_socket_;
   RegisterMemory registers_;
   const Sensor sensor_;
-  const std::int64_t epoch_ns_;
-  std::optional<Controller> controller_;  // control thread only
+  std::atomic<std::int64_t> epoch_ns_;         // when the clock showed clock_offset_ns_
+  std::atomic<std::int64_t> clock_offset_ns_;  // 0 after a power cut
+  TestImage test_image_;                       // picture thread only
+  std::optional<Controller> controller_;       // control thread only
 
   mutable std::mutex mutex_;  // what follows
   std::condition_variable wake_;
@@ -122,6 +141,8 @@ class SimulatedCamera {
   std::uint64_t resend_attempts_ = 0;
   bool quit_ = false;
   bool has_power_ = true;
+  bool is_power_cut_ = false;  // by a scripted fault
+  bool is_link_cut_ = false;
   std::thread thread_;
 };
 

@@ -114,7 +114,7 @@ inline void expect_balanced(const CaptureReport& report, const std::vector<Frame
     const CameraTally& tally = receipt.tally;
     EXPECT_EQ(report.pulses, tally.delivered + losses_of(receipt)) << receipt.camera;
     EXPECT_EQ(tally.frames_in, tally.delivered + tally.late + tally.duplicates + tally.unwanted +
-                                   tally.before_start + tally.implausible)
+                                   tally.before_start + tally.implausible + tally.extra)
         << receipt.camera;
   }
   for (std::size_t i = 0; i < sets.size(); ++i) {

@@ -33,7 +33,7 @@ TEST_F(CameraArrayTest, FifteenCamerasOfTwelveBitsLosingPacketsStillGiveOnlyComp
 
 TEST_F(CameraArrayTest, CameraThatDiesIsNamedLostAndTheOthersGoOn) {
   open(small_array(3));
-  simulated_->set_faults(2, {.dies_at_pulse = 5});
+  simulated_->set_faults(2, {.power_cuts = {{5, 1000}}});
   SetCollector collector;
   ASSERT_TRUE(array_->start({.capture = "test", .pulses = 12, .set_deadline_ms = 500}, collector.handler()));
   simulated_->generator().start(20, 12);

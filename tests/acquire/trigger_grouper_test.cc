@@ -21,7 +21,6 @@ GrouperOptions options_for(std::size_t cameras, std::int64_t deadline_ms = 1000)
   GrouperOptions options;
   for (std::size_t i = 0; i < cameras; ++i) options.cameras.push_back(concat("cam", i));
   options.deadline_ns = deadline_ms * kMs;
-  options.silence_ns = options.deadline_ns / 5 * 4;
   return options;
 }
 
@@ -133,14 +132,54 @@ TEST(TriggerGrouper, LostCameraHoldsNobodyUpAndIsWelcomeBack) {
   EXPECT_THAT(grouper.add(0, counted(2), 3).at(0).losses, IsEmpty());
 }
 
-TEST(TriggerGrouper, SilentCameraIsGivenUpBeforeTheDeadline) {
-  TriggerGrouper grouper(options_for(2));
+TEST(TriggerGrouper, CameraSilentForTwoPulsesIsLostShortlyAfterTheSecond) {
+  TriggerGrouper grouper(options_for(3));
+  for (std::int64_t pulse = 1; pulse <= 10; ++pulse) {
+    for (std::size_t camera = 0; camera < (pulse <= 8 ? 3u : 2u); ++camera) {
+      grouper.add(camera, counted(pulse, pulse * 200 * kMs), pulse * 200 * kMs + 30 * kMs);
+    }
+  }
+  EXPECT_FALSE(grouper.is_lost(2));
+  EXPECT_THAT(grouper.advance(2129 * kMs), SizeIs(0));  // pulse 9 was out at 2030 ms, one period old
+  EXPECT_FALSE(grouper.is_lost(2));
+  const auto sets = grouper.advance(2130 * kMs);
+  EXPECT_TRUE(grouper.is_lost(2));
+  ASSERT_THAT(sets, SizeIs(1));
+  EXPECT_EQ(loss_in(sets[0], "cam2"), LossCause::CameraLost);
+}
+
+TEST(TriggerGrouper, NoSetWaitsForOneCameraLongerThanAPeriod) {
+  TriggerGrouper grouper(options_for(3));
   std::vector<FrameSet> sets;
-  for (std::int64_t pulse = 1; pulse <= 5; ++pulse)
-    append(sets, grouper.add(0, counted(pulse), pulse * 200 * kMs));
-  EXPECT_THAT(sets, SizeIs(5));  // at 1000 ms pulse 1 is 800 ms old
-  for (const FrameSet& set : sets) EXPECT_EQ(loss_in(set, "cam1"), LossCause::CameraLost);
-  EXPECT_TRUE(grouper.is_lost(1));
+  for (std::int64_t pulse = 1; pulse <= 9; ++pulse) {
+    for (std::size_t camera = 0; camera < (pulse <= 8 ? 3u : 2u); ++camera) {
+      append(sets, grouper.add(camera, counted(pulse, pulse * 200 * kMs), pulse * 200 * kMs));
+    }
+  }
+  ASSERT_THAT(sets, SizeIs(8));
+  EXPECT_EQ(grouper.next_deadline_ns(), 1900 * kMs) << "when the third camera is to be asked";
+  EXPECT_THAT(grouper.take_overdue(1899 * kMs), IsEmpty());
+  EXPECT_THAT(grouper.take_overdue(1900 * kMs), ::testing::ElementsAre(2u));
+  EXPECT_THAT(grouper.take_overdue(1900 * kMs), IsEmpty()) << "once a pulse";
+  EXPECT_EQ(grouper.next_deadline_ns(), 2000 * kMs);
+  EXPECT_THAT(grouper.advance(2000 * kMs - 1), IsEmpty());
+  const auto late = grouper.advance(2000 * kMs);
+  ASSERT_THAT(late, SizeIs(1));
+  EXPECT_EQ(loss_in(late[0], "cam2"), LossCause::Late);
+}
+
+TEST(TriggerGrouper, CameraThatAnswersButOwesAFrameHasMissedThePulse) {
+  TriggerGrouper grouper(options_for(3));
+  for (std::int64_t pulse = 1; pulse <= 9; ++pulse) {
+    for (std::size_t camera = 0; camera < (pulse <= 8 ? 3u : 2u); ++camera) {
+      grouper.add(camera, counted(pulse, pulse * 200 * kMs), pulse * 200 * kMs);
+    }
+  }
+  ASSERT_THAT(grouper.take_overdue(1900 * kMs), ::testing::ElementsAre(2u));
+  grouper.answered(2);
+  const auto sets = grouper.advance(2000 * kMs);
+  ASSERT_THAT(sets, SizeIs(1));
+  EXPECT_EQ(loss_in(sets[0], "cam2"), LossCause::Missed);
 }
 
 TEST(TriggerGrouper, OnlyTheWantedPulsesAreGrouped) {
@@ -158,7 +197,7 @@ TEST(TriggerGrouper, OnlyTheWantedPulsesAreGrouped) {
 
 TEST(TriggerGrouper, CounterOutOfAllReasonOpensNoSets) {
   TriggerGrouper grouper(options_for(1));
-  EXPECT_THAT(grouper.add(0, counted(4'000'000'000), 0), IsEmpty());
+  EXPECT_THAT(grouper.add(0, counted(2'000'000'000), 0), IsEmpty());
   EXPECT_EQ(grouper.tallies()[0].implausible, 1);
   EXPECT_EQ(grouper.pulses_seen(), 0);
 }
@@ -187,7 +226,7 @@ TEST(TriggerGrouper, FramesWithoutACountJoinTheNearestPulse) {
   }
   ASSERT_THAT(sets, SizeIs(6));
   for (const FrameSet& set : sets) EXPECT_EQ(set.frames.size(), set.pulse == 4 ? 2u : 3u);
-  EXPECT_EQ(loss_in(sets[3], "cam2"), LossCause::Missed);
+  EXPECT_EQ(sets[3].losses.at(0).camera, "cam2");
 }
 
 // What one random run of an array delivers: for each camera its frames in order, some pulses missing.
@@ -283,18 +322,20 @@ TEST(TriggerGrouper, EveryFrameIsAccountedForUnderTightDeadlines) {
       const CameraTally& tally = grouper.tallies()[i];
       EXPECT_EQ(tally.frames_in, sent[i]);
       EXPECT_EQ(tally.frames_in, tally.delivered + tally.late + tally.duplicates + tally.unwanted +
-                                     tally.before_start + tally.implausible);
+                                     tally.before_start + tally.implausible + tally.extra);
       EXPECT_EQ(grouper.pulses_seen(),
                 tally.delivered + std::accumulate(tally.losses.begin(), tally.losses.end(), std::int64_t{0}));
     }
   }
 }
 
+// Of two cameras or one; more let a single witness wait for a second, see below.
 TEST(TriggerGrouper, NoSetWaitsLongerThanItsDeadline) {
-  for (unsigned seed = 0; seed < 200; ++seed) {
+  for (unsigned seed = 0; seed < 500; ++seed) {
     SCOPED_TRACE(concat("seed ", seed));
     std::mt19937 random(seed);
     const Schedule schedule = random_schedule(random);
+    if (schedule.cameras > 2) continue;
     TriggerGrouper grouper(options_for(schedule.cameras, 50));
     std::map<std::int64_t, std::int64_t> first_sign_ns;
     std::int64_t now_ns = 0, newest = 0;
@@ -311,6 +352,27 @@ TEST(TriggerGrouper, NoSetWaitsLongerThanItsDeadline) {
       check(grouper.add(camera, counted(pulse), now_ns));
     }
   }
+}
+
+// Noise on one camera's trigger line while the train pauses: its frame must not take the number of the next
+// pulse.
+TEST(TriggerGrouper, FrameThatOneCameraAloneHasWaitsForAWitness) {
+  TriggerGrouper grouper(options_for(3));
+  for (std::int64_t pulse = 1; pulse <= 5; ++pulse) {
+    for (std::size_t camera = 0; camera < 3; ++camera)
+      grouper.add(camera, counted(pulse, pulse * 200 * kMs), pulse * 200 * kMs);
+  }
+  EXPECT_THAT(grouper.add(0, counted(6, 1500 * kMs), 1500 * kMs), IsEmpty());
+  EXPECT_THAT(grouper.advance(9000 * kMs), IsEmpty());
+  std::vector<FrameSet> sets;
+  append(sets, grouper.add(0, counted(7, 10'000 * kMs), 10'001 * kMs));
+  append(sets, grouper.add(1, counted(6, 10'000 * kMs), 10'002 * kMs));
+  append(sets, grouper.add(2, counted(6, 10'000 * kMs), 10'003 * kMs));
+  ASSERT_THAT(sets, SizeIs(1));
+  EXPECT_EQ(sets[0].pulse, 6);
+  EXPECT_THAT(sets[0].losses, IsEmpty());
+  EXPECT_EQ(grouper.tallies()[0].extra, 1);
+  EXPECT_EQ(grouper.pulse_of_count(0, 8), 7);
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ TEST(Frame, TooFewBytesAreNamedNotRead) {
 
 TEST(Frame, NamesOfKindsAndCausesReadBack) {
   for (auto cause : {LossCause::Missed, LossCause::Incomplete, LossCause::Late, LossCause::Duplicate,
-                     LossCause::CameraLost, LossCause::NoBuffer}) {
+                     LossCause::CameraLost, LossCause::NoBuffer, LossCause::Corrupt}) {
     EXPECT_EQ(loss_cause_from_name(name_of(cause)), cause);
   }
   for (auto kind : {CaptureKind::Dark, CaptureKind::Background, CaptureKind::Flat, CaptureKind::Board,
