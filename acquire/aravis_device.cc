@@ -69,7 +69,14 @@ void enlarge_socket_buffer(int port, int bytes) {
 }
 
 LossCause cause_of(ArvBufferStatus status) {
-  return status == ARV_BUFFER_STATUS_SIZE_MISMATCH ? LossCause::NoBuffer : LossCause::Incomplete;
+  switch (status) {
+    case ARV_BUFFER_STATUS_SIZE_MISMATCH:
+    case ARV_BUFFER_STATUS_WRONG_PACKET_ID:
+    case ARV_BUFFER_STATUS_UNKNOWN:
+      return LossCause::Corrupt;
+    default:
+      return LossCause::Incomplete;
+  }
 }
 
 }  // namespace
@@ -90,6 +97,11 @@ struct AravisDevice::Handles {
     return unavailable(concat("camera ", address.name, " at ", address.address, ": ", what), error.text(),
                        "check its power, cable and address");
   }
+  template <class T>
+  tl::unexpected<Error> differs(std::string_view what, const T& wanted, const T& got) const {
+    return invalid_input(concat("camera ", address.name, ": ", what, " ", wanted),
+                         concat("it reads back ", got), "choose a value that the camera supports");
+  }
   bool has(const char* feature) const { return arv_camera_is_feature_available(camera, feature, nullptr); }
 };
 
@@ -101,9 +113,15 @@ Result<std::unique_ptr<AravisDevice>> AravisDevice::open(const CameraAddress& ad
   auto handles = std::make_unique<Handles>();
   handles->address = address;
   // Aravis waits for silent cameras one after the other, under the lock; ask first.
-  if (!answers_discovery(address.address, kDiscoveryTimeout)) {
+  const auto found = discover_at(address.address, kDiscoveryTimeout);
+  if (!found) {
     return unavailable(concat("camera ", address.name, " at ", address.address), "it does not answer",
                        "check its power, cable and address");
+  }
+  if (!address.serial.empty() && found->serial != address.serial) {
+    return unavailable(
+        concat("camera ", address.name, " at ", address.address, " has serial number ", found->serial),
+        concat(address.serial, " is expected there"), "check whether cables or addresses were swapped");
   }
   ArvError error;
   {
@@ -124,53 +142,150 @@ Result<std::unique_ptr<AravisDevice>> AravisDevice::open(const CameraAddress& ad
                      *static_cast<std::atomic<bool>*>(lost) = true;
                    }),
                    &handles->is_lost);
-  return std::unique_ptr<AravisDevice>(new AravisDevice(std::move(handles)));
+  std::unique_ptr<AravisDevice> out(new AravisDevice(std::move(handles)));
+  out->serial_ = found->serial;
+  return out;
+}
+
+bool AravisDevice::has(const char* feature) const {
+  return handles_->has(feature);
+}
+
+// Each sets one feature and reads it back.
+Result<> AravisDevice::set(const char* feature, std::int64_t value) {
+  ArvError error;
+  arv_camera_set_integer(handles_->camera, feature, value, error.out());
+  const gint64 got = error.happened() ? 0 : arv_camera_get_integer(handles_->camera, feature, error.out());
+  if (error.happened()) return handles_->failed(concat(feature, "=", value), error);
+  return got == value ? Result<>() : handles_->differs<std::int64_t>(feature, value, got);
+}
+
+Result<> AravisDevice::set(const char* feature, std::string_view value) {
+  ArvError error;
+  arv_camera_set_string(handles_->camera, feature, std::string(value).c_str(), error.out());
+  const char* got = error.happened() ? "" : arv_camera_get_string(handles_->camera, feature, error.out());
+  if (error.happened()) return handles_->failed(concat(feature, "=", value), error);
+  return value == got ? Result<>() : handles_->differs<std::string_view>(feature, value, got);
+}
+
+Result<> AravisDevice::set_real(const char* feature, double value) {
+  ArvError error;
+  arv_camera_set_float(handles_->camera, feature, value, error.out());
+  const double got = error.happened() ? 0 : arv_camera_get_float(handles_->camera, feature, error.out());
+  if (error.happened()) return handles_->failed(concat(feature, "=", value), error);
+  return std::abs(got - value) <= 1 ? Result<>() : handles_->differs(feature, value, got);
 }
 
 Result<> AravisDevice::apply(const CameraSettings& settings) {
   if (auto ok = validate(settings); !ok) return ok;
   settings_ = settings;
-  ArvCamera* camera = handles_->camera;
-  ArvError error;
-  arv_camera_stop_acquisition(camera, nullptr);  // a crashed client may have left it running
-  const std::string format(name_of(settings.pixel_format));
-  arv_camera_set_pixel_format_from_string(camera, format.c_str(), error.out());
-  if (error.happened()) return handles_->failed(concat("PixelFormat=", format), error);
-  if (const auto& region = settings.region) {
-    arv_camera_set_region(camera, region->offset_x_px, region->offset_y_px, region->width_px,
-                          region->height_px, error.out());
-    if (error.happened()) return handles_->failed("region of interest", error);
-  }
-  arv_camera_set_exposure_time(camera, settings.exposure_us, error.out());
-  if (error.happened()) return handles_->failed("exposure time", error);
-  if (settings.gain_raw) {
-    arv_camera_set_integer(camera, "GainRaw", *settings.gain_raw, error.out());
-    if (error.happened()) return handles_->failed("GainRaw", error);
-  }
-  arv_camera_gv_set_packet_size_adjustment(camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
-  arv_camera_gv_set_packet_size(camera, settings.packet_size_bytes, error.out());
-  if (error.happened()) return handles_->failed("packet size", error);
-  if (settings.packet_delay_ns > 0) {
-    arv_camera_gv_set_packet_delay(camera, settings.packet_delay_ns, error.out());
-    if (error.happened()) return handles_->failed("packet delay", error);
-  }
-  arv_camera_set_acquisition_mode(camera, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
-  if (error.happened()) return handles_->failed("AcquisitionMode", error);
-  Result<> ok = configure_trigger(settings);
+  arv_camera_stop_acquisition(handles_->camera, nullptr);  // a crashed client may have left it running
+  Result<> ok = configure_image(settings);
+  if (ok) ok = configure_trigger(settings);
+  if (ok) ok = configure_transport(settings);
   if (ok) ok = configure_chunks();
-  if (ok) ok = read_back(settings);
+  if (!ok) return ok;
+  ArvError error;
+  payload_bytes_ = arv_camera_get_payload(handles_->camera, error.out());
+  if (error.happened() || payload_bytes_ == 0) return handles_->failed("reading PayloadSize", error);
+  return {};
+}
+
+Result<> AravisDevice::configure_image(const CameraSettings& settings) {
+  Result<> ok;
+  // Binning first: it changes what fits on the sensor.
+  const bool is_binned = settings.binning_x > 1 || settings.binning_y > 1;
+  if (is_binned || has("BinningHorizontal")) {
+    ok = set("BinningHorizontal", settings.binning_x);
+    if (ok) ok = set("BinningVertical", settings.binning_y);
+  }
+  if (ok) ok = set("PixelFormat", name_of(settings.pixel_format));
+  if (!ok) return ok;
+  ArvError error;
+  SensorRegion wanted;
+  if (settings.region) {
+    wanted = *settings.region;
+  } else {
+    arv_camera_set_region(handles_->camera, 0, 0, -1, -1, nullptr);
+    gint unused = 0;
+    arv_camera_get_width_bounds(handles_->camera, &unused, &wanted.width_px, error.out());
+    if (!error.happened()) {
+      arv_camera_get_height_bounds(handles_->camera, &unused, &wanted.height_px, error.out());
+    }
+    if (!error.happened() && is_binned) {
+      arv_camera_get_region(handles_->camera, nullptr, nullptr, &wanted.width_px, &wanted.height_px,
+                            error.out());
+    }
+  }
+  SensorRegion got;
+  if (!error.happened()) {
+    arv_camera_set_region(handles_->camera, wanted.offset_x_px, wanted.offset_y_px, wanted.width_px,
+                          wanted.height_px, error.out());
+  }
+  if (!error.happened()) {
+    arv_camera_get_region(handles_->camera, &got.offset_x_px, &got.offset_y_px, &got.width_px, &got.height_px,
+                          error.out());
+  }
+  if (error.happened()) return handles_->failed("region of interest", error);
+  const auto text = [](const SensorRegion& r) {
+    return concat(r.width_px, "x", r.height_px, "+", r.offset_x_px, "+", r.offset_y_px);
+  };
+  if (text(wanted) != text(got)) return handles_->differs("region", text(wanted), text(got));
+  if (settings.gain_raw) ok = set("GainRaw", *settings.gain_raw);
+  if (ok && settings.black_level_raw) ok = set("BlackLevelRaw", *settings.black_level_raw);
+  if (ok && (settings.test_image || has("TestImageSelector"))) {
+    ok = set("TestImageSelector", settings.test_image ? "Testimage1" : "Off");
+  }
   return ok;
 }
 
 Result<> AravisDevice::configure_trigger(const CameraSettings& settings) {
   ArvError error;
-  arv_camera_set_trigger(handles_->camera, settings.trigger_source.c_str(), error.out());
-  if (error.happened()) return handles_->failed(concat("TriggerSource=", settings.trigger_source), error);
-  arv_camera_set_string(handles_->camera, "TriggerActivation", settings.trigger_activation.c_str(),
-                        error.out());
-  if (error.happened())
-    return handles_->failed(concat("TriggerActivation=", settings.trigger_activation), error);
-  return {};
+  arv_camera_set_exposure_time(handles_->camera, settings.exposure_us, error.out());
+  double got_us = 0;
+  if (!error.happened()) got_us = arv_camera_get_exposure_time(handles_->camera, error.out());
+  if (!error.happened())
+    arv_camera_set_acquisition_mode(handles_->camera, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
+  if (!error.happened())
+    arv_camera_set_trigger(handles_->camera, settings.trigger_source.c_str(), error.out());
+  if (error.happened()) return handles_->failed("exposure time, AcquisitionMode or TriggerSource", error);
+  if (!(std::abs(got_us - settings.exposure_us) <= 1)) {
+    return handles_->differs<double>("exposure_us", settings.exposure_us, got_us);
+  }
+  Result<> ok = set("TriggerSource", settings.trigger_source);
+  if (ok) ok = set("TriggerActivation", settings.trigger_activation);
+  if (ok && (settings.trigger_delay_us > 0 || has("TriggerDelayAbs"))) {
+    ok = set_real("TriggerDelayAbs", settings.trigger_delay_us);
+  }
+  return ok;
+}
+
+Result<> AravisDevice::configure_transport(const CameraSettings& settings) {
+  ArvCamera* camera = handles_->camera;
+  ArvError error;
+  arv_camera_gv_set_packet_size_adjustment(camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
+  arv_camera_gv_set_packet_size(camera, settings.packet_size_bytes, error.out());
+  guint packet_size = 0;
+  if (!error.happened()) packet_size = arv_camera_gv_get_packet_size(camera, error.out());
+  if (error.happened()) return handles_->failed("packet size", error);
+  if (static_cast<int>(packet_size) != settings.packet_size_bytes) {
+    return handles_->differs<std::int64_t>("packet_size_bytes", settings.packet_size_bytes, packet_size);
+  }
+  // Delays are in ticks of the camera's clock.
+  const auto frequency_hz = static_cast<double>(
+      arv_gv_device_get_timestamp_tick_frequency(ARV_GV_DEVICE(arv_camera_get_device(camera)), nullptr));
+  const auto ticks = [&](std::int64_t delay_ns) {
+    return std::llround(static_cast<double>(delay_ns) * 1e-9 * frequency_hz);
+  };
+  Result<> ok;
+  if (settings.packet_delay_ns > 0 || has("GevSCPD")) ok = set("GevSCPD", ticks(settings.packet_delay_ns));
+  const std::int64_t frame_delay_ns = handles_->address.frame_delay_ns;
+  if (ok && (frame_delay_ns > 0 || has("GevSCFTD"))) ok = set("GevSCFTD", ticks(frame_delay_ns));
+  // Clocks that keep each other's time make the fitted ones better.
+  for (const char* feature : {"GevIEEE1588", "PtpEnable"}) {
+    if (ok && has(feature)) arv_camera_set_boolean(camera, feature, TRUE, nullptr);
+  }
+  return ok;
 }
 
 Result<> AravisDevice::configure_chunks() {
@@ -186,42 +301,8 @@ Result<> AravisDevice::configure_chunks() {
   }
   // A count means something only when it can be set to zero and asked for at arming.
   has_counter_ = handles_->chunks && handles_->has("CounterReset") && handles_->has("CounterValue");
-  return {};
-}
-
-Result<> AravisDevice::read_back(const CameraSettings& settings) {
-  ArvCamera* camera = handles_->camera;
-  ArvError error;
-  const auto differs = [&](std::string_view what, const auto& wanted, const auto& got) {
-    return invalid_input(concat("camera ", handles_->address.name, ": ", what, " ", wanted),
-                         concat("it reads back ", got), "choose a value that the camera supports");
-  };
-  const char* format = arv_camera_get_pixel_format_as_string(camera, error.out());
-  if (error.happened()) return handles_->failed("reading PixelFormat", error);
-  if (name_of(settings.pixel_format) != format)
-    return differs("PixelFormat", name_of(settings.pixel_format), format);
-  const double exposure_us = arv_camera_get_exposure_time(camera, error.out());
-  if (error.happened()) return handles_->failed("reading the exposure time", error);
-  if (!(std::abs(exposure_us - settings.exposure_us) <= 1)) {
-    return differs("exposure_us", settings.exposure_us, exposure_us);
-  }
-  const guint packet_size = arv_camera_gv_get_packet_size(camera, error.out());
-  if (error.happened()) return handles_->failed("reading the packet size", error);
-  if (static_cast<int>(packet_size) != settings.packet_size_bytes) {
-    return differs("packet_size_bytes", settings.packet_size_bytes, packet_size);
-  }
-  SensorRegion got;
-  arv_camera_get_region(camera, &got.offset_x_px, &got.offset_y_px, &got.width_px, &got.height_px,
-                        error.out());
-  if (error.happened()) return handles_->failed("reading the region", error);
-  const auto text = [](const SensorRegion& r) {
-    return concat(r.width_px, "x", r.height_px, "+", r.offset_x_px, "+", r.offset_y_px);
-  };
-  if (settings.region && text(*settings.region) != text(got)) {
-    return differs("region", text(*settings.region), text(got));
-  }
-  payload_bytes_ = arv_camera_get_payload(camera, error.out());
-  if (error.happened() || payload_bytes_ == 0) return handles_->failed("reading PayloadSize", error);
+  arv_camera_set_chunk_state(handles_->camera, "ExposureTime", TRUE, error.out());  // a camera may lack it
+  has_exposure_ = handles_->chunks && !error.happened();
   return {};
 }
 
@@ -366,16 +447,23 @@ std::optional<std::variant<Arrival, LossCause>> AravisDevice::next(std::chrono::
   const auto format = pixel_format_from_code(arv_buffer_get_image_pixel_format(buffer));
   std::size_t size = 0;
   arv_buffer_get_data(buffer, &size);
-  if (!format || size < bytes_of_image(*format, frame.width_px, frame.height_px))
-    return LossCause::Incomplete;
+  if (!format || size < bytes_of_image(*format, frame.width_px, frame.height_px)) return LossCause::Corrupt;
   frame.format = *format;
   const Bytes& bytes = *static_cast<const Bytes*>(arv_buffer_get_user_data(buffer));
   if (has_counter_) {
     ArvError error;
     const gint64 count =
         arv_chunk_parser_get_integer_value(handles_->chunks, buffer, "ChunkTriggerinputcounter", error.out());
-    if (error.happened()) return LossCause::Incomplete;
+    if (error.happened()) return LossCause::Corrupt;
     arrival.trigger_count = count;
+  }
+  if (has_exposure_) {
+    ArvError error;
+    const gint64 exposure_us =
+        arv_chunk_parser_get_integer_value(handles_->chunks, buffer, "ChunkExposureTime", error.out());
+    if (!error.happened() && exposure_us > 0 && exposure_us < 100'000'000) {
+      frame.exposure_us = static_cast<int>(exposure_us);
+    }
   }
   bytes->resize(bytes_of_image(*format, frame.width_px, frame.height_px));  // without the chunks
   frame.bytes = bytes;

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <string>
+#include <string_view>
 #include <variant>
 
 #include "acquire/arrival.h"
@@ -25,13 +27,13 @@ struct StreamStatistics {
 // may be asked from others. The only header and source that know Aravis.
 class AravisDevice {
  public:
-  // Unavailable: no answer, or another program has control.
+  // Unavailable: no answer, another program has control, or a camera of another serial number is there.
   static Result<std::unique_ptr<AravisDevice>> open(const CameraAddress& address);
   ~AravisDevice();  // a camera that no longer answers makes this wait for some seconds
   AravisDevice(const AravisDevice&) = delete;
   AravisDevice& operator=(const AravisDevice&) = delete;
 
-  // Sets and reads back. InvalidInput: the camera took something else.
+  // Sets and reads back every value. InvalidInput: the camera took something else, or has no such feature.
   Result<> apply(const CameraSettings& settings);
 
   // A new stream with fresh buffers (Aravis takes the frames of a restarted one for late).
@@ -49,21 +51,29 @@ class AravisDevice {
   std::optional<std::variant<Arrival, LossCause>> next(std::chrono::microseconds timeout);
 
   bool is_lost() const;  // the camera stopped answering
+  const std::string& serial() const { return serial_; }
 
  private:
   struct Handles;
   explicit AravisDevice(std::unique_ptr<Handles> handles);
 
+  bool has(const char* feature) const;
+  Result<> set(const char* feature, std::int64_t value);
+  Result<> set(const char* feature, std::string_view value);
+  Result<> set_real(const char* feature, double value);
+  Result<> configure_image(const CameraSettings& settings);
   Result<> configure_trigger(const CameraSettings& settings);
+  Result<> configure_transport(const CameraSettings& settings);
   Result<> configure_chunks();
-  Result<> read_back(const CameraSettings& settings);
   void anchor_clock();
   std::int64_t utc_of(std::int64_t device_time_ns, std::int64_t arrival_ns);
   void push_buffer();
 
   std::unique_ptr<Handles> handles_;
   CameraSettings settings_;
-  bool has_counter_ = false;  // chunk with the trigger count
+  std::string serial_;
+  bool has_counter_ = false;   // chunk with the trigger count
+  bool has_exposure_ = false;  // chunk with the exposure time
   std::size_t payload_bytes_ = 0;
   std::int64_t underruns_ = 0;
   std::optional<std::int64_t> clock_offset_ns_;  // UTC minus the camera's clock

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <chrono>
 
+#include "acquire/discovery.h"
 #include "proto/check.h"
 #include "proto/utc.h"
 
@@ -47,14 +48,18 @@ Result<std::unique_ptr<CameraArray>> CameraArray::open(const std::vector<CameraA
     return invalid_input("no cameras", "an array needs at least one", "list their addresses");
   for (std::size_t i = 0; i < addresses.size(); ++i) {
     for (std::size_t k = 0; k < i; ++k) {
-      if (addresses[i].name != addresses[k].name && addresses[i].address != addresses[k].address) continue;
+      const bool is_twice = addresses[i].name == addresses[k].name ||
+                            (!addresses[i].address.empty() && addresses[i].address == addresses[k].address);
+      if (!is_twice) continue;
       return invalid_input(concat("camera ", addresses[i].name, " at ", addresses[i].address),
                            "its name or address is used twice", "give each camera its own");
     }
   }
   if (auto ok = validate(settings); !ok) return tl::unexpected(ok.error());
+  auto resolved = resolve_addresses(addresses);
+  if (!resolved) return tl::unexpected(resolved.error());
   std::unique_ptr<CameraArray> array(new CameraArray);
-  for (const CameraAddress& address : addresses) {
+  for (const CameraAddress& address : *resolved) {
     array->cameras_.push_back(std::make_unique<GigeCamera>(address, settings));
   }
   if (auto ok = ask_all(array->cameras_, [](GigeCamera& camera) { return camera.open(); }); !ok) {
@@ -86,6 +91,18 @@ GigeCamera::Events CameraArray::events_of(std::size_t camera) {
           .on_camera_lost =
               [this, camera] {
                 push({camera, Lost{}});
+              },
+          .on_answer =
+              [this, camera](bool is_alive) {
+                if (is_alive) {
+                  push({camera, Alive{}});
+                } else {
+                  push({camera, Lost{}});
+                }
+              },
+          .on_rejoin =
+              [this, camera] {
+                push({camera, Rejoined{}});
               }};
 }
 
@@ -112,12 +129,13 @@ Result<> CameraArray::start(const CaptureOptions& options, SetHandler on_set) {
   grouper.pulses = options.pulses;
   grouper.first_count = first_count_;
   grouper.deadline_ns = options.set_deadline_ms * 1'000'000;
-  grouper.silence_ns = grouper.deadline_ns / 5 * 4;
   options_ = options;
   on_set_ = std::move(on_set);
   {
     const std::lock_guard lock(mutex_);
     grouper_.emplace(std::move(grouper));
+    is_looked_for_.assign(cameras_.size(), false);
+    rejoins_.assign(cameras_.size(), 0);
     sets_handled_ = complete_sets_ = 0;
     end_request_.reset();
     flush_request_ = is_drained_ = false;
@@ -136,7 +154,9 @@ Result<std::int64_t> CameraArray::agree_on_count() {
     for (const auto& camera : cameras_) resets.push_back(camera->reset_trigger_count());
     bool any = false;
     for (auto& reset : resets) any = reset.get() || any;
-    agreed = !any || highest_count().value_or(0) == 0;
+    const auto counts = trigger_counts();
+    agreed =
+        !any || std::all_of(counts.begin(), counts.end(), [](const auto& c) { return c.value_or(0) == 0; });
   }
   if (!agreed) {
     return unavailable("cannot arm the cameras", "trigger pulses came during each of 20 tries",
@@ -145,25 +165,47 @@ Result<std::int64_t> CameraArray::agree_on_count() {
   if (auto ok = ask_all(cameras_, [](GigeCamera& camera) { return camera.start(); }); !ok) {
     return tl::unexpected(ok.error());
   }
-  return highest_count().value_or(0);
+  return 0;
 }
 
-// Over all cameras that count; none when no camera does.
-std::optional<std::int64_t> CameraArray::highest_count() {
-  std::vector<std::future<std::optional<std::int64_t>>> answers;
+// Of every camera that is there and counts.
+std::vector<std::optional<std::int64_t>> CameraArray::trigger_counts() {
+  std::vector<std::optional<std::future<std::optional<std::int64_t>>>> answers;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     const bool is_lost = [&] {
       const std::lock_guard lock(mutex_);
       return is_capturing_ && grouper_->is_lost(i);
     }();
-    if (!is_lost) answers.push_back(cameras_[i]->trigger_count());
+    answers.push_back(is_lost ? std::nullopt : std::optional(cameras_[i]->trigger_count()));
   }
-  std::optional<std::int64_t> highest;
-  for (auto& answer : answers) {
-    const auto count = answer.get();
-    if (count) highest = std::max(highest.value_or(0), *count);
+  std::vector<std::optional<std::int64_t>> counts;
+  for (auto& answer : answers) counts.push_back(answer ? answer->get() : std::nullopt);
+  return counts;
+}
+
+// The latest pulse that the cameras have counted; none when no camera counts. A counter that took noise for
+// an edge is ahead of all others: of three or more, two must have seen the pulse.
+std::optional<std::int64_t> CameraArray::last_fired_pulse() {
+  const auto counts = trigger_counts();
+  const std::lock_guard lock(mutex_);
+  std::vector<std::int64_t> pulses;
+  for (std::size_t i = 0; i < counts.size(); ++i) {
+    if (!counts[i]) continue;
+    if (const auto pulse = grouper_->pulse_of_count(i, *counts[i])) pulses.push_back(*pulse);
   }
-  return highest;
+  if (pulses.empty()) return std::nullopt;
+  std::sort(pulses.rbegin(), pulses.rend());
+  return pulses[pulses.size() > 2 ? 1 : 0];
+}
+
+// With the lock held: probes cameras that owe a frame, and looks for those that are lost.
+void CameraArray::look_after_silent_cameras() {
+  for (std::size_t camera : grouper_->take_overdue(steady_utc_ns())) cameras_[camera]->probe();
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    const bool is_lost = grouper_->is_lost(i);
+    if (is_lost && !is_looked_for_[i]) cameras_[i]->recover();
+    is_looked_for_[i] = is_lost;
+  }
 }
 
 void CameraArray::push(Input input) {
@@ -181,8 +223,13 @@ void CameraArray::feed(Input input, std::vector<FrameSet>& sets) {
     more = grouper_->add(input.camera, std::move(*arrival), now_ns);
   } else if (const auto* cause = std::get_if<LossCause>(&input.what)) {
     more = grouper_->lose(input.camera, *cause, now_ns);
-  } else {
+  } else if (std::holds_alternative<Lost>(input.what)) {
     more = grouper_->lose_camera(input.camera, now_ns);
+  } else if (std::holds_alternative<Alive>(input.what)) {
+    grouper_->answered(input.camera);
+  } else {
+    grouper_->rejoin(input.camera);
+    ++rejoins_[input.camera];
   }
   std::move(more.begin(), more.end(), std::back_inserter(sets));
 }
@@ -207,6 +254,7 @@ void CameraArray::run() {
     for (; !inputs_.empty(); inputs_.pop_front()) feed(std::move(inputs_.front()), sets);
     if (end_request_) collect(grouper_->end_at(*end_request_, steady_utc_ns()));
     collect(grouper_->advance(steady_utc_ns()));
+    look_after_silent_cameras();
     if (flush_request_) {
       collect(grouper_->flush(steady_utc_ns()));
       is_over = true;
@@ -234,9 +282,9 @@ bool CameraArray::wait_done(std::chrono::milliseconds timeout) {
 
 CaptureReport CameraArray::stop() {
   expect(is_capturing_, "a capture is under way");
-  if (const auto count = highest_count()) {
+  if (const auto last = last_fired_pulse()) {
     std::unique_lock lock(mutex_);
-    end_request_ = *count - first_count_;
+    end_request_ = *last;
     wake_.notify_all();
     changed_.wait(lock, [this] { return is_drained_; });  // at the latest at the last set's deadline
   }
@@ -246,7 +294,7 @@ CaptureReport CameraArray::stop() {
   std::vector<std::future<StreamStatistics>> statistics;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     CameraReceipt receipt;
-    receipt.camera = cameras_[i]->address().name;
+    receipt.camera = cameras_[i]->name();
     {
       const std::lock_guard lock(mutex_);
       receipt.is_lost = grouper_->is_lost(i);
@@ -268,7 +316,11 @@ CaptureReport CameraArray::stop() {
   const std::lock_guard lock(mutex_);
   report.pulses = grouper_->pulses_seen();
   report.complete_sets = complete_sets_;
-  for (std::size_t i = 0; i < cameras_.size(); ++i) report.cameras[i].tally = grouper_->tallies()[i];
+  for (std::size_t i = 0; i < cameras_.size(); ++i) {
+    report.cameras[i].tally = grouper_->tallies()[i];
+    report.cameras[i].rejoins = rejoins_[i];
+    report.cameras[i].drift_ppm = grouper_->drift_ppm(i);
+  }
   return report;
 }
 
@@ -283,15 +335,17 @@ CaptureProgress CameraArray::progress() const {
   out.pulses_seen = grouper_->pulses_seen();
   out.sets = sets_handled_;
   out.complete_sets = complete_sets_;
+  out.tallies = grouper_->tallies();
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
-    if (grouper_->is_lost(i)) out.lost_cameras.push_back(cameras_[i]->address().name);
+    out.problems.push_back(cameras_[i]->problem());
+    if (grouper_->is_lost(i)) out.lost_cameras.push_back(cameras_[i]->name());
   }
   return out;
 }
 
 std::vector<std::string> CameraArray::names() const {
   std::vector<std::string> out;
-  for (const auto& camera : cameras_) out.push_back(camera->address().name);
+  for (const auto& camera : cameras_) out.push_back(camera->name());
   return out;
 }
 

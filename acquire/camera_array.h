@@ -32,7 +32,9 @@ struct CameraReceipt {
   std::string camera;
   CameraTally tally;
   StreamStatistics stream;
-  bool is_lost = false;  // at the end of the capture
+  bool is_lost = false;      // at the end of the capture
+  std::int64_t rejoins = 0;  // it was opened anew and went on
+  double drift_ppm = 0;      // of its clock against the array's
 };
 
 struct CaptureReport {
@@ -48,6 +50,8 @@ struct CaptureProgress {
   std::int64_t sets = 0;
   std::int64_t complete_sets = 0;
   std::vector<std::string> lost_cameras;
+  std::vector<CameraTally> tallies;   // by camera
+  std::vector<std::string> problems;  // by camera: why a lost one is not back; empty: nothing known
 };
 
 // The ring: all cameras opened, set alike, and captured together, again and again.
@@ -84,15 +88,19 @@ class CameraArray {
 
  private:
   struct Lost {};
+  struct Alive {};
+  struct Rejoined {};
   struct Input {
     std::size_t camera = 0;
-    std::variant<Arrival, LossCause, Lost> what;
+    std::variant<Arrival, LossCause, Lost, Alive, Rejoined> what;
   };
 
   CameraArray() = default;
   GigeCamera::Events events_of(std::size_t camera);
   Result<std::int64_t> agree_on_count();
-  std::optional<std::int64_t> highest_count();
+  std::vector<std::optional<std::int64_t>> trigger_counts();
+  std::optional<std::int64_t> last_fired_pulse();
+  void look_after_silent_cameras();
   void push(Input input);
   void run();
   void feed(Input input, std::vector<FrameSet>& sets);
@@ -106,6 +114,8 @@ class CameraArray {
   std::optional<TriggerGrouper> grouper_;
   CaptureOptions options_;
   SetHandler on_set_;
+  std::vector<bool> is_looked_for_;  // lost cameras that were told to recover
+  std::vector<std::int64_t> rejoins_;
   std::int64_t first_count_ = 0;
   std::int64_t sets_handled_ = 0;
   std::int64_t complete_sets_ = 0;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
 #include <deque>
 #include <functional>
@@ -8,7 +9,9 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "acquire/aravis_device.h"
 #include "acquire/arrival.h"
@@ -25,6 +28,8 @@ class GigeCamera {
     std::function<void(Arrival)> on_frame;
     std::function<void(LossCause)> on_loss;
     std::function<void()> on_camera_lost;  // once a stream
+    std::function<void(bool)> on_answer;   // to probe(): whether the camera is alive
+    std::function<void()> on_rejoin;       // it was opened anew and streams again: counter and clock are new
   };
 
   GigeCamera(CameraAddress address, CameraSettings settings);
@@ -32,7 +37,7 @@ class GigeCamera {
   GigeCamera(const GigeCamera&) = delete;
   GigeCamera& operator=(const GigeCamera&) = delete;
 
-  const CameraAddress& address() const { return address_; }
+  const std::string& name() const { return name_; }
 
   std::future<Result<>> open();
   // Settings from the next arm() on.
@@ -46,6 +51,15 @@ class GigeCamera {
   // Delivers what is still in the buffers, then closes the stream. A camera that does not answer any more is
   // left alone: each question to it would take seconds.
   std::future<StreamStatistics> stop(bool answers = true);
+  // Asks the camera, past Aravis, whether it is there.
+  void probe();
+  // The camera has gone silent: looks for it until it delivers again. One that has forgotten us (it was
+  // without power, or cut off for longer than its heartbeat) is opened anew, set and read back as before, and
+  // started; only with the serial number that it had. What is left of the old connection dies in the
+  // background.
+  void recover();
+  // Why the camera is not back yet; empty: nothing is known against it.
+  std::string problem() const;
   // Ends the thread once its requests are done, without waiting for it.
   void begin_close();
 
@@ -53,14 +67,20 @@ class GigeCamera {
   template <class Function>
   auto post(Function function) -> std::future<decltype(function())>;
   Result<> open_now();
+  void bury();
+  void try_recover();
+  Result<> rejoin();
+  void set_problem(std::string text);
   void run();
   void deliver(std::chrono::milliseconds timeout);
 
-  const CameraAddress address_;
-  std::mutex mutex_;
+  CameraAddress address_;  // with the serial number, once it is known; the thread's own
+  const std::string name_;
+  mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::deque<std::function<void()>> requests_;
   bool quit_ = false;
+  std::string problem_;
 
   // The thread's own.
   CameraSettings settings_;
@@ -69,6 +89,9 @@ class GigeCamera {
   bool is_armed_ = false;      // there is a stream
   bool is_streaming_ = false;  // and it delivers
   bool loss_told_ = false;
+  bool is_recovering_ = false;
+  std::chrono::steady_clock::time_point next_try_, give_up_stream_;
+  std::vector<std::future<void>> graves_;  // old connections, each waiting for a camera that is gone
 
   std::thread thread_;
 };

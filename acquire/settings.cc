@@ -14,6 +14,11 @@ Result<> check_range(const char* name, std::int64_t value, std::int64_t min, std
 
 Result<> validate(const CameraSettings& settings) {
   Result<> ok = check_range("exposure_us", settings.exposure_us, 4, 1'000'000);
+  if (ok) ok = check_range("trigger_delay_us", settings.trigger_delay_us, 0, 1'000'000);
+  if (ok) ok = check_range("binning_x", settings.binning_x, 1, 4);
+  if (ok) ok = check_range("binning_y", settings.binning_y, 1, 4);
+  if (ok && settings.black_level_raw)
+    ok = check_range("black_level_raw", *settings.black_level_raw, 0, 100'000);
   if (ok) ok = check_range("packet_size_bytes", settings.packet_size_bytes, 220, 16404);
   if (ok) ok = check_range("packet_delay_ns", settings.packet_delay_ns, 0, 1'000'000'000);
   if (ok) ok = check_range("buffers", settings.buffers, 2, 1000);

@@ -9,9 +9,12 @@
 
 namespace flamefield {
 
+// One camera of an array.
 struct CameraAddress {
-  std::string name;     // as in the rig: cam00, cam01, ...
-  std::string address;  // IPv4; never discovered, so nothing is broadcast
+  std::string name;          // as in the rig: cam00, cam01, ...
+  std::string address = {};  // IPv4; empty: found by serial, else by user-defined name, with a broadcast
+  std::string serial = {};   // refused when another camera is there; empty: whichever was there first
+  std::int64_t frame_delay_ns = 0;  // before it sends a frame: its place in the bandwidth plan
 };
 
 struct SensorRegion {
@@ -23,10 +26,14 @@ struct SensorRegion {
 struct CameraSettings {
   std::string trigger_source = "Line1";
   std::string trigger_activation = "RisingEdge";
+  int trigger_delay_us = 0;                    // from the edge to the exposure, [0, 1000000]
   int exposure_us = 350;                       // [4, 1000000]
   std::optional<int> gain_raw = std::nullopt;  // camera's own steps; none: left as it is
+  std::optional<int> black_level_raw = std::nullopt;
+  int binning_x = 1, binning_y = 1;  // pixels whose charges are added, [1, 4]
+  bool test_image = false;           // the camera's own pattern instead of the scene
   PixelFormat pixel_format = PixelFormat::Mono8;
-  std::optional<SensorRegion> region = std::nullopt;  // none: left as it is
+  std::optional<SensorRegion> region = std::nullopt;  // none: all of the sensor
   int packet_size_bytes = 1500;                       // IP and UDP headers included, [220, 16404]
   std::int64_t packet_delay_ns = 0;                   // between two packets of a frame
   int buffers = 16;                   // frames that may wait for the camera's thread, [2, 1000]
