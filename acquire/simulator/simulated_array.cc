@@ -86,6 +86,7 @@ Result<std::unique_ptr<SimulatedArray>> SimulatedArray::open(const SimulatedArra
   array->wake_event_ = ::eventfd(0, EFD_CLOEXEC);
   array->control_thread_ = std::thread([raw = array.get()] { raw->serve(); });
   array->generator_ = std::make_unique<SignalGenerator>([raw = array.get()](const Pulse& pulse) {
+    if (raw->observer_) raw->observer_(pulse);
     for (const Endpoint& endpoint : raw->endpoints_) endpoint.camera->trigger(pulse);
   });
   return array;

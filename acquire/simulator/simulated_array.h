@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -48,6 +49,8 @@ class SimulatedArray {
   // What the cameras see from the next pulse on. Any thread, any time.
   void set_scene(Scene scene);
   SignalGenerator& generator() { return *generator_; }
+  // Called at every edge, before the cameras see it; must return at once. Set it while no pulse comes.
+  void on_edge(std::function<void(const Pulse&)> observer) { observer_ = std::move(observer); }
 
   void set_faults(std::size_t camera, const CameraFaults& faults);
   void set_power(std::size_t camera, bool on);
@@ -67,6 +70,7 @@ class SimulatedArray {
   mutable std::mutex scene_mutex_;
   Scene scene_;
   std::vector<Endpoint> endpoints_;
+  std::function<void(const Pulse&)> observer_;
   int broadcast_socket_ = -1;
   int wake_event_ = -1;
   std::thread control_thread_;
