@@ -429,9 +429,17 @@ bool TriggerGrouper::can_close(const OpenSet& set, std::int64_t now_ns) const {
 LossCause TriggerGrouper::cause_of_gap(std::size_t camera, std::int64_t pulse, bool is_final) {
   CameraState& state = states_[camera];
   if (!state.pending.empty() && state.pending.front().after_pulse < pulse) {
-    const LossCause cause = state.pending.front().cause;
+    PendingLoss failure = state.pending.front();
     state.pending.pop_front();
-    return cause;
+    // A stray packet may fail a buffer of its own beside the one that is missed: the gap is named by what
+    // says most.
+    if (failure.cause == LossCause::Incomplete && !state.pending.empty() &&
+        state.pending.front().after_pulse == failure.after_pulse && state.last_pulse <= pulse + 1) {
+      failure = state.pending.front();
+      state.pending.pop_front();
+      ++tallies_[camera].unplaced;
+    }
+    return failure.cause;
   }
   if (pulse <= state.joined_pulse) return LossCause::CameraLost;
   if (state.last_pulse > pulse) return LossCause::Missed;

@@ -29,7 +29,9 @@ Result<> serve(const Arguments& arguments) {
   Bus bus(*keys);
 
   AcquisitionOptions options;
-  options.cameras = cameras_of(*lab);
+  auto cameras = planned_cameras_of(*lab);
+  if (!cameras) return tl::unexpected(cameras.error());
+  options.cameras = std::move(*cameras);
   options.settings = settings_of(*lab);
   options.endpoints = {arguments.endpoint.empty() ? endpoints->acquisition : arguments.endpoint};
   options.dispatcher_endpoint = arguments.dispatcher.empty() ? endpoints->dispatcher : arguments.dispatcher;

@@ -24,7 +24,7 @@ constexpr std::size_t kHistory = 8;    // frames kept for resend
 constexpr std::size_t kBatch = 32;     // packets in one system call
 constexpr std::uint32_t kTick_ns = 1'000'000'000 / reg::kTickFrequency_hz;
 
-constexpr std::uint32_t kNoPixelFormat = 0x0badf00d;
+constexpr std::uint32_t kNoPixelFormat = 0x01080099;  // 8 bits a pixel, of no known meaning
 
 bool is_in(const std::vector<PulseRange>& ranges, std::int64_t pulse) {
   return std::any_of(ranges.begin(), ranges.end(), [&](const PulseRange& r) { return r.contains(pulse); });

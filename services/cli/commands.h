@@ -25,6 +25,8 @@ void add_serve(CLI::App& app, Session& session);
 void add_simulate(CLI::App& app, Session& session);
 void add_capture(CLI::App& app, Session& session);  // and stop
 void add_runs(CLI::App& app, Session& session);
+void add_cameras(CLI::App& app, Session& session);  // list, test
+void add_doctor(CLI::App& app, Session& session);
 void add_status(CLI::App& app, Session& session);
 
 }  // namespace flamefield

@@ -96,7 +96,7 @@ void run(const Options& options, const Session& session) {
   if (!lab.acquisition_endpoint.empty()) embedded.acquisition.endpoints.push_back(lab.acquisition_endpoint);
 
   std::unique_ptr<Laboratory> laboratory;
-  embedded.acquisition.cameras = cameras_of(lab);
+  embedded.acquisition.cameras = or_usage(planned_cameras_of(lab));
   embedded.acquisition.settings = settings_of(lab);
   if (embedded.acquisition.cameras.empty()) {
     laboratory = simulated(lab, options);

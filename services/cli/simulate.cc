@@ -16,8 +16,31 @@ struct Options {
   LaboratoryOptions laboratory;
   std::string flame = "stratified";
   std::string show = "burst";
+  std::vector<std::string> faults;
   bool json = false;
 };
+
+// "cam03:missed@12", "all:loss@0.005"
+void script_faults(const std::vector<std::string>& texts, SimulatedArray& array) {
+  const auto names = array.names();
+  std::vector<CameraFaults> faults(names.size());
+  for (const std::string& text : texts) {
+    const std::size_t colon = text.find(':');
+    const std::string camera = text.substr(0, colon);
+    bool is_known = false;
+    for (std::size_t i = 0; i < names.size() && colon != std::string::npos; ++i) {
+      if (camera != "all" && camera != names[i]) continue;
+      is_known = true;
+      or_usage(add_fault(text.substr(colon + 1), faults[i]));
+    }
+    if (!is_known) {
+      throw CommandFailure{ExitCode::Usage,
+                           concat("fault '", text, "' (no such camera) write CAMERA:KIND@PULSE, e.g. ",
+                                  names[0], ":missed@12 or all:loss@0.005")};
+    }
+  }
+  for (std::size_t i = 0; i < faults.size(); ++i) array.set_faults(i, faults[i]);
+}
 
 void print_addresses(const Laboratory& laboratory, bool as_json) {
   const auto names = laboratory.array().names(), addresses = laboratory.array().addresses(),
@@ -47,6 +70,7 @@ void run(Options& options, const Session& session) {
     or_fail(laboratory->light_flame([&](int done, int total) { bar.update(done, total); }, session.stop()));
   }
   laboratory->show(*kind);
+  script_faults(options.faults, laboratory->array());
   laboratory->array().generator().start(options.laboratory.rate_hz, 0);
   print_addresses(*laboratory, options.json);
   while (!session.stop().stop_requested()) std::this_thread::sleep_for(std::chrono::milliseconds(100));
@@ -80,9 +104,21 @@ void add_simulate(CLI::App& app, Session& session) {
       ->capture_default_str();
   command->add_option("--seed", laboratory.seed, "Of flame, noise and mounting tolerances")
       ->capture_default_str();
+  command->add_option(
+      "--fault", options->faults,
+      "CAMERA:KIND@PULSE or @FIRST-LAST; KIND: missed unseen extra drop leader trailer mute reorder "
+      "duplicate repeat corrupt delay dead cut, or loss@SHARE; CAMERA may be all");
+  command
+      ->add_option("--link-mbit", laboratory.link_mbit_per_s,
+                   "Of each camera's network port; 0: as fast as it goes")
+      ->check(CLI::Range(0.0, 1e5))
+      ->capture_default_str();
+  command->add_flag("--broadcast", laboratory.answers_broadcasts,
+                    "Answer discovery broadcasts, as other programs send them; one array a machine can");
   command->add_flag("--json", options->json, "Print names, serials and addresses as JSON");
   command->footer(
-      "Example:\n  flamefield simulate --cameras 3 --rate-hz 2\n  arv-tool-0.8 -a 127.0.0.2 control Width");
+      "Example:\n  flamefield simulate --cameras 3 --rate-hz 2\n  arv-tool-0.8 -a 127.0.0.2 control Width\n"
+      "  flamefield simulate --fault cam03:missed@12 --fault all:loss@0.005");
   command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
 }
 

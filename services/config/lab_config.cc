@@ -97,15 +97,18 @@ class KeyReader {
 void read_cameras(const TomlFile& file, KeyReader& keys, LabConfig& lab) {
   std::set<std::string> names;
   for (std::size_t i = 0; file.entries.count(concat("camera[", i, "].name")) ||
-                          file.entries.count(concat("camera[", i, "].address"));
+                          file.entries.count(concat("camera[", i, "].address")) ||
+                          file.entries.count(concat("camera[", i, "].serial"));
        ++i) {
     LabCamera camera;
     const std::string name = concat("camera[", i, "].name"), address = concat("camera[", i, "].address");
     keys.take(name, camera.name);
     keys.take(address, camera.address);
+    keys.take(concat("camera[", i, "].serial"), camera.serial);
     if (camera.name.empty()) keys.refuse(address, "the camera has no name", "add name = \"cam00\"");
-    if (camera.address.empty())
-      keys.refuse(name, "the camera has no address", "add address = \"192.168.7.10\"");
+    if (camera.address.empty() && camera.serial.empty())
+      keys.refuse(name, "the camera has no address",
+                  "add address = \"192.168.7.10\", or serial = \"21000000\" to look for it");
     if (!names.insert(camera.name).second) keys.refuse(name, "the name appears twice", "rename one camera");
     lab.cameras.push_back(camera);
   }
@@ -116,6 +119,13 @@ void read_capture(KeyReader& keys, LabConfig& lab) {
   keys.take("trigger.line", lab.trigger_line);
   keys.take("capture.exposure_us", lab.exposure_us, 1, 1e7);
   keys.take("capture.gain_db", lab.gain_db, 0, 48);
+  keys.take("capture.trigger_delay_us", lab.trigger_delay_us, 0, 1e6);
+  keys.take("capture.black_level_raw", lab.black_level_raw, 0, 1e5);
+  keys.take("capture.binning_x", lab.binning_x, 1, 4);
+  keys.take("capture.binning_y", lab.binning_y, 1, 4);
+  keys.take("network.packet_size_bytes", lab.packet_size_bytes, 220, 16404);
+  keys.take("network.link_mbit_per_s", lab.link_mbit_per_s, 10, 4e5);
+  keys.take("network.switch_buffer_kib", lab.switch_buffer_kib, 0, 1e6);
   std::string format(name_of(lab.pixel_format));
   keys.take("capture.pixel_format", format);
   if (const auto known = pixel_format_from_name(format)) {

@@ -14,14 +14,15 @@ namespace flamefield {
 // One [[camera]] of lab.toml.
 struct LabCamera {
   std::string name;     // as in rig.yaml
-  std::string address;  // IPv4 address
+  std::string address;  // IPv4 address; empty: found by serial, else by user-defined name
+  std::string serial;   // refused when another camera is there; empty: any
 };
 
 // What a laboratory sets once: lab.toml. Each comment is the key; lengths and times carry their unit in it.
 struct LabConfig {
   std::string laboratory = "laboratory";                     // laboratory
   std::filesystem::path data_directory = "flamefield-data";  // data_directory: spool, ledger, volumes
-  std::vector<LabCamera> cameras;  // [[camera]] name, address; none: simulated array
+  std::vector<LabCamera> cameras;  // [[camera]] name, address, serial; none: simulated array
   // [trigger]
   double trigger_rate_hz = 5;          // rate_hz, (0, 1000]
   std::string trigger_line = "Line1";  // line
@@ -29,6 +30,13 @@ struct LabConfig {
   int exposure_us = 1000;                         // exposure_us, [1, 10 000 000]
   double gain_db = 0;                             // gain_db, [0, 48]
   PixelFormat pixel_format = PixelFormat::Mono8;  // pixel_format: Mono8 Mono12 Mono12Packed Mono16
+  int trigger_delay_us = 0;                       // trigger_delay_us, [0, 1 000 000]
+  int black_level_raw = 0;                        // black_level_raw, [0, 100 000]
+  int binning_x = 1, binning_y = 1;               // binning_x, binning_y, [1, 4]
+  // [network] between the cameras and this machine
+  int packet_size_bytes = 1500;   // packet_size_bytes, [220, 16404]
+  double link_mbit_per_s = 1000;  // link_mbit_per_s: of the uplink that all cameras share, [10, 400 000]
+  int switch_buffer_kib = 128;    // switch_buffer_kib: what the switch holds back for it, [0, 1 000 000]
   // [simulator], when there are no [[camera]]s
   int simulated_cameras = 15;                  // cameras, [1, 64]
   std::uint64_t simulator_seed = 1;            // seed

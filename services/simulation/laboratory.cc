@@ -15,6 +15,8 @@ Result<std::unique_ptr<SimulatedArray>> open_array(const LaboratoryOptions& opti
   SimulatedArrayOptions array;
   array.cameras = static_cast<std::size_t>(options.cameras);
   array.first_address = options.first_address;
+  array.line_rate_bits_per_s = 1e6 * options.link_mbit_per_s;
+  array.answers_broadcasts = options.answers_broadcasts;
   array.seed = options.seed;
   return SimulatedArray::open(array);
 }

@@ -21,6 +21,8 @@ struct LaboratoryOptions {
   double rate_hz = 5;                       // of the signal generator
   double board_rate_hz = 4;                 // slower while someone turns the board
   std::string first_address = "127.0.0.2";  // of the cameras; the others follow
+  double link_mbit_per_s = 0;               // of each camera's network port; 0: as fast as it goes
+  bool answers_broadcasts = false;          // discovery by other programs; one array a machine can
   std::uint64_t seed = 1;
   double height_mm = 40;  // HAB of the ring's plane and of the middle of the flame's box
   FlameFilmOptions film;  // its grid is centred at that height
