@@ -328,7 +328,7 @@ Result<> AravisDevice::open_stream() {
 
 // The bytes belong to whoever holds the frame last; Aravis only fills them.
 void AravisDevice::push_buffer() {
-  auto* holder = new Bytes(std::make_shared<std::vector<std::byte>>(payload_bytes_));
+  auto* holder = new Bytes(pool_.take(payload_bytes_));
   arv_stream_push_buffer(handles_->stream,
                          arv_buffer_new_full(payload_bytes_, (*holder)->data(), holder,
                                              [](void* p) { delete static_cast<Bytes*>(p); }));

@@ -9,6 +9,7 @@
 #include <variant>
 
 #include "acquire/arrival.h"
+#include "acquire/buffer_pool.h"
 #include "acquire/settings.h"
 #include "proto/error.h"
 #include "proto/frame.h"
@@ -75,6 +76,7 @@ class AravisDevice {
   bool has_counter_ = false;   // chunk with the trigger count
   bool has_exposure_ = false;  // chunk with the exposure time
   std::size_t payload_bytes_ = 0;
+  BufferPool pool_{16};
   std::int64_t underruns_ = 0;
   std::optional<std::int64_t> clock_offset_ns_;  // UTC minus the camera's clock
   bool is_clock_anchored_ = false;               // the offset was measured, not guessed from arrivals

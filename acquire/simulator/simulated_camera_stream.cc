@@ -19,9 +19,9 @@ namespace flamefield {
 
 namespace {
 
-constexpr std::size_t kMaxOrders = 4;  // pulses that may wait for a busy camera
-constexpr std::size_t kHistory = 8;    // frames kept for resend
-constexpr std::size_t kBatch = 32;     // packets in one system call
+constexpr std::size_t kMaxOrders = 32;  // pulses that may wait while the machine is busy elsewhere
+constexpr std::size_t kHistory = 8;     // frames kept for resend
+constexpr std::size_t kBatch = 32;      // packets in one system call
 constexpr std::uint32_t kTick_ns = 1'000'000'000 / reg::kTickFrequency_hz;
 
 constexpr std::uint32_t kNoPixelFormat = 0x01080099;  // 8 bits a pixel, of no known meaning

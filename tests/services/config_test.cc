@@ -123,6 +123,13 @@ TEST(LabConfig, TheSampleSaysTheDefaults) {
   EXPECT_EQ(lab->exposure_us, defaults.exposure_us);
   EXPECT_EQ(lab->gain_db, defaults.gain_db);
   EXPECT_EQ(lab->pixel_format, defaults.pixel_format);
+  EXPECT_EQ(lab->trigger_delay_us, defaults.trigger_delay_us);
+  EXPECT_EQ(lab->black_level_raw, defaults.black_level_raw);
+  EXPECT_EQ(lab->binning_x, defaults.binning_x);
+  EXPECT_EQ(lab->binning_y, defaults.binning_y);
+  EXPECT_EQ(lab->packet_size_bytes, defaults.packet_size_bytes);
+  EXPECT_EQ(lab->link_mbit_per_s, defaults.link_mbit_per_s);
+  EXPECT_EQ(lab->switch_buffer_kib, defaults.switch_buffer_kib);
   EXPECT_EQ(lab->simulated_cameras, defaults.simulated_cameras);
   EXPECT_EQ(lab->simulator_seed, defaults.simulator_seed);
   EXPECT_EQ(lab->simulated_flame, defaults.simulated_flame);
