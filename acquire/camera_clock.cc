@@ -30,6 +30,7 @@ void CameraClock::learn(std::int64_t camera_ns, std::int64_t common_ns) {
   } else {
     offset_ns_ = residual_ns;
   }
+  if (is_settled()) mean_square_ns2_ += (residual_ns * residual_ns - mean_square_ns2_) / n;
   last_ns_ = camera_ns;
   ++matches_;
 }

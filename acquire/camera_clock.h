@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 
 namespace flamefield {
@@ -21,12 +22,15 @@ class CameraClock {
   // Enough pulses are known to contradict a trigger counter.
   bool is_settled() const { return matches_ >= 3; }
   double drift_ppm() const { return 1e6 * drift_; }
+  // Root mean square of how far recent pulses were from where they were expected.
+  double spread_ns() const { return std::sqrt(mean_square_ns2_); }
 
  private:
   std::int64_t matches_ = 0;
   std::int64_t last_ns_ = 0;  // of the camera
   double offset_ns_ = 0;      // common minus camera time, at last_ns_
   double drift_ = 0;          // of the offset, ns per ns
+  double mean_square_ns2_ = 0;
 };
 
 }  // namespace flamefield

@@ -49,6 +49,13 @@ std::optional<std::int64_t> PulseTrain::pulse_at(std::int64_t time_ns, std::size
   return best;
 }
 
+bool PulseTrain::is_unambiguous(std::int64_t time_ns) const {
+  return std::count_if(entries_.begin(), entries_.end(), [&](const auto& entry) {
+           return entry.second.votes > 0 &&
+                  std::abs(entry.second.time_ns - time_ns) <= 3 * half_width_ns_ / 2;
+         }) <= 1;
+}
+
 std::optional<std::pair<std::int64_t, PulseTrain::Entry>> PulseTrain::newest() const {
   if (entries_.empty()) return std::nullopt;
   return *entries_.rbegin();

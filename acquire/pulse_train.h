@@ -24,6 +24,8 @@ class PulseTrain {
   // The pulse at most half_width_ns from a time that most, and at least `votes`, cameras agree on; the
   // nearest of equals.
   std::optional<std::int64_t> pulse_at(std::int64_t time_ns, std::size_t votes = 0) const;
+  // Whether no two known pulses are so near to this time that it could mean either.
+  bool is_unambiguous(std::int64_t time_ns) const;
   std::optional<std::pair<std::int64_t, Entry>> newest() const;
   // The last pulse before this time.
   std::optional<std::int64_t> before(std::int64_t time_ns) const;

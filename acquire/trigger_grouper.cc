@@ -14,7 +14,8 @@ namespace {
 
 constexpr std::size_t kMostDubious = 4;  // sets that wait for a second witness
 constexpr std::size_t kRecent = 64;      // pulses whose opening is remembered
-constexpr double kMostSkipped = 64;      // pulses that a cadence is trusted to bridge
+constexpr long long kLeastTolerance_ns = 200'000;
+constexpr double kMostSkipped = 64;  // pulses that a cadence is trusted to bridge
 
 std::int64_t median(std::vector<std::int64_t> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
@@ -43,6 +44,12 @@ std::vector<FrameSet> TriggerGrouper::add(std::size_t camera, Arrival arrival, s
   Entry entry;
   entry.common_ns = state.clock.common_of(arrival.exposure_utc_ns);
   entry.is_trusted = !arrival.trigger_count || !state.base || state.has_rejoined || state.clock.is_settled();
+  // A settled clock knows better than to within a quarter of a period.
+  entry.tolerance_ns = train_.half_width_ns();
+  if (state.clock.is_settled() && !state.has_rejoined) {
+    entry.tolerance_ns = std::min<std::int64_t>(
+        entry.tolerance_ns, std::max(kLeastTolerance_ns, std::llround(6 * state.clock.spread_ns())));
+  }
   entry.arrival = std::move(arrival);
   count(camera, place(camera, std::move(entry), now_ns));
   return close_ready(now_ns);
@@ -139,9 +146,12 @@ std::optional<std::int64_t> TriggerGrouper::pulse_by_count(const Entry& entry, s
   if (!entry.is_trusted) return pulse;
   const auto known = train_.at(pulse);
   if (known && std::abs(known->time_ns - entry.common_ns) <= train_.half_width_ns()) return pulse;
-  if (const auto other = train_.pulse_at(entry.common_ns, 2)) return other;
+  const auto other = train_.pulse_at(entry.common_ns, 2);
+  const bool is_proof = other && train_.is_unambiguous(entry.common_ns) &&
+                        std::abs(train_.at(*other)->time_ns - entry.common_ns) <= entry.tolerance_ns;
+  if (is_proof) return other;
   if (!known || known->votes < 2) return pulse;
-  if (const auto other = train_.pulse_at(entry.common_ns)) return other;
+  if (const auto witness = train_.pulse_at(entry.common_ns)) return witness;
   const auto before = train_.before(entry.common_ns);
   if (!before) return pulse;
   return train_.at(*before + 1) ? std::nullopt : std::optional(*before + 1);

@@ -92,7 +92,8 @@ class TriggerGrouper {
   struct Entry {
     Arrival arrival;
     std::int64_t common_ns = 0;
-    bool is_trusted = false;  // its time may contradict a counter
+    bool is_trusted = false;        // its time may contradict a counter
+    std::int64_t tolerance_ns = 0;  // by how little it must agree with others to do so
   };
   struct OpenSet {
     std::int64_t pulse = 0;

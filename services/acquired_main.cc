@@ -5,6 +5,7 @@
 #include "services/config/lab_config.h"
 #include "services/log/log.h"
 #include "services/process/daemon.h"
+#include "services/process/notify.h"
 #include "services/process/signals.h"
 #include "services/serve/endpoints.h"
 #include "services/serve/lab_cameras.h"
@@ -38,6 +39,7 @@ Result<> serve(const Arguments& arguments) {
   auto acquisition = Acquisition::open(bus, std::move(options));
   if (!acquisition) return tl::unexpected(acquisition.error());
   log_event(LogLevel::Info, "acquisition-started", {{"cameras", lab->cameras.size()}});
+  const ServiceManagerNotice notice([&] { return (*acquisition)->silence() < std::chrono::seconds(60); });
   return (*acquisition)->run(stop.token());
 }
 

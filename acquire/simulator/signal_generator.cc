@@ -45,15 +45,15 @@ void SignalGenerator::stop() {
 
 Pulse SignalGenerator::fire() {
   std::unique_lock lock(mutex_);
-  return raise(lock, 0);
+  return raise(lock, 0, utc_now_ns());
 }
 
 // Numbers the pulse under the lock; the cameras hear of it outside, so that they may ask back.
-Pulse SignalGenerator::raise(std::unique_lock<std::mutex>& lock, std::int64_t index) {
+Pulse SignalGenerator::raise(std::unique_lock<std::mutex>& lock, std::int64_t index, std::int64_t due_ns) {
   lock.unlock();
   const std::lock_guard in_order(edge_mutex_);
   lock.lock();
-  const Pulse pulse{.number = ++fired_, .index = index, .time_ns = utc_now_ns()};
+  const Pulse pulse{.number = ++fired_, .index = index, .time_ns = due_ns};
   lock.unlock();
   on_edge_(pulse);
   lock.lock();
@@ -83,10 +83,12 @@ void SignalGenerator::run() {
     const std::uint64_t train = train_;
     const auto is_over = [&] { return train != train_; };
     const Clock::time_point begin = Clock::now();
+    const std::int64_t begin_utc_ns = utc_now_ns();
     for (std::int64_t index = 0; pulses_ == 0 || index < pulses_; ++index) {
       const std::chrono::duration<double> due(period_s_ * static_cast<double>(index));
       if (changed_.wait_until(lock, begin + std::chrono::duration_cast<Clock::duration>(due), is_over)) break;
-      raise(lock, index);
+      // The time is when the edge was due: signal generators are not late, threads are.
+      raise(lock, index, begin_utc_ns + std::chrono::duration_cast<std::chrono::nanoseconds>(due).count());
       if (is_over()) break;
     }
     if (!is_over()) {

@@ -33,7 +33,7 @@ class SignalGenerator {
 
  private:
   void run();
-  Pulse raise(std::unique_lock<std::mutex>& lock, std::int64_t index);
+  Pulse raise(std::unique_lock<std::mutex>& lock, std::int64_t index, std::int64_t due_ns);
 
   const std::function<void(const Pulse&)> on_edge_;
   mutable std::mutex mutex_;

@@ -6,6 +6,7 @@
 
 #include "proto/utc.h"
 #include "services/bus/client.h"
+#include "services/log/log.h"
 
 namespace flamefield {
 
@@ -53,10 +54,19 @@ Result<> Acquisition::run(std::stop_token stop) {
   // The sender outlives the last capture: it stops only when everything is stored, or nothing can be.
   std::jthread sender([&](std::stop_token sender_stop) { sending = outbox_.run(sender_stop); });
   while (!stop.stop_requested()) {
+    beat_ = std::chrono::steady_clock::now().time_since_epoch();
     if (const auto delivery = router_->receive(milliseconds(50))) {
       const Message reply =
           delivery->message ? answer(*delivery->message, stop) : Message(Rejected{delivery->message.error()});
       (void)router_->send(delivery->peer, reply, delivery->request);  // a client that left misses its answer
+    }
+    if (state().phase != CapturePhase::Idle && outbox_.waiting() > options_.most_waiting_sets) {
+      log_event(LogLevel::Error, "capture-stopped",
+                {{"capture", capture_.id},
+                 {"why", "sets come faster than they can be stored"},
+                 {"waiting_sets", outbox_.waiting()},
+                 {"dispatcher_says", outbox_.last_refusal()}});
+      finish(stop);
     }
     if (state().phase != CapturePhase::Idle && array_->wait_done(milliseconds(0))) finish(stop);
   }
@@ -147,6 +157,7 @@ void Acquisition::finish(std::stop_token stop) {
   }
   const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(10);
   while (outbox_.waiting() > 0) {
+    beat_ = std::chrono::steady_clock::now().time_since_epoch();
     // A stop of the service waits as well, but not for ever: without a dispatcher nothing can be stored.
     if (stop.stop_requested() && std::chrono::steady_clock::now() > give_up) break;
     std::this_thread::sleep_for(milliseconds(5));

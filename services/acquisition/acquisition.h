@@ -1,5 +1,7 @@
 #pragma once
 
+#include <atomic>
+#include <chrono>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -23,6 +25,8 @@ struct AcquisitionOptions {
   std::vector<std::string> endpoints = {"inproc://acquisition"};  // where captures are asked for
   std::string dispatcher_endpoint = "inproc://dispatcher";
   CaptureHooks hooks;
+  // Sets that may wait for a slow or full disk before a capture is stopped, loudly; all of them are kept.
+  std::int64_t most_waiting_sets = 200;
 };
 
 // The camera array as a service: arms and captures on request, and hands every set to the dispatcher.
@@ -39,6 +43,11 @@ class Acquisition {
   CaptureState state() const;
   std::optional<Frame> newest_frame(const std::string& camera) const;
 
+  // How long ago run() last went round; for a watchdog.
+  std::chrono::steady_clock::duration silence() const {
+    return std::chrono::steady_clock::now().time_since_epoch() - beat_.load();
+  }
+
  private:
   Acquisition(Bus& bus, AcquisitionOptions options);
   Message answer(const Message& question, std::stop_token stop);
@@ -53,6 +62,7 @@ class Acquisition {
   std::unique_ptr<CameraArray> array_;
   std::unique_ptr<Router> router_;
   Outbox outbox_;
+  std::atomic<std::chrono::steady_clock::duration> beat_{std::chrono::steady_clock::now().time_since_epoch()};
   PutCapture capture_;  // the running one, else the last
 
   mutable std::mutex mutex_;  // what follows

@@ -26,6 +26,8 @@ void add_simulate(CLI::App& app, Session& session);
 void add_capture(CLI::App& app, Session& session);  // and stop
 void add_runs(CLI::App& app, Session& session);
 void add_cameras(CLI::App& app, Session& session);  // list, test
+void add_export(CLI::App& runs, Session& session);  // below runs
+void add_replay(CLI::App& app, Session& session);
 void add_doctor(CLI::App& app, Session& session);
 void add_status(CLI::App& app, Session& session);
 

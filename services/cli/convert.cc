@@ -3,6 +3,7 @@
 
 #include "services/cli/commands.h"
 #include "services/cli/options.h"
+#include "services/store/frame_file.h"
 #include "services/store/projection_file.h"
 #include "services/store/rig_export.h"
 #include "services/store/rig_file.h"
@@ -53,6 +54,8 @@ void run(const Options& options, const Session& session) {
   session.check_stop();
   if (is_yaml(options.in)) {
     convert_rig(options);
+  } else if (options.in.extension() == ".nxs" && options.out.extension().empty()) {
+    or_fail(write_frame_tiffs(options.out, or_fail(FrameReader::open(options.in))));
   } else if (options.in.extension() == ".nxs" || options.out.extension() == ".nxs") {
     convert_projections(options);
   } else {
@@ -68,12 +71,13 @@ void add_convert(CLI::App& app, Session& session) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand("convert", "Translate volumes, projections and rigs for other programs");
   command
-      ->add_option("IN", options->in, "Volume .vtkhdf .vti .tif .npy; projections .nxs .npy .tif; rig.yaml")
+      ->add_option("IN", options->in,
+                   "Volume .vtkhdf .vti .tif .npy; projections .nxs .npy .tif; recording .nxs; rig.yaml")
       ->required();
   command
-      ->add_option(
-          "OUT", options->out,
-          "The same; a rig becomes COLMAP's colmap/, Kalibr's camchain.yaml or kalibr/, mrcal's .cameramodel")
+      ->add_option("OUT", options->out,
+                   "The same; a recording becomes a folder of .tif; a rig becomes COLMAP's colmap/, Kalibr's "
+                   "camchain.yaml or kalibr/, mrcal's .cameramodel")
       ->required();
   add_npy_spacing(*command, options->spacing_mm);
   command->add_option("--rig", options->rig, "Names of the views, for projections without");

@@ -141,6 +141,7 @@ void add_runs(CLI::App& app, Session& session) {
       "receipt 20260301T101500000-burst", options, &receipt)
       ->add_option("CAPTURE", options->id, "As 'runs list --captures' prints it")
       ->required();
+  add_export(*runs, session);
 }
 
 }  // namespace flamefield

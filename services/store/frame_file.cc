@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 
+#include "proto/check.h"
 #include "services/store/file.h"
 #include "services/store/h5_output.h"
 
@@ -157,6 +158,7 @@ std::vector<FrameSet> read_sets(const H5Group& table) {
   return sets;
 }
 
+// Without the pixels.
 std::vector<Frame> read_camera_frames(const H5Group& detector, const std::string& camera, std::size_t count) {
   std::vector<Frame> frames(count);
   if (count == 0) return frames;
@@ -170,7 +172,6 @@ std::vector<Frame> read_camera_frames(const H5Group& detector, const std::string
   const auto device_times = read_column(detector, "device_time_ns", count);
   const auto arrival_times = read_column(detector, "arrival_time_ns", count);
   const auto exposures = read_column(detector, "exposure_us", count);
-  const H5Number number = bits_of(*format) == 8 ? H5Number::U8 : H5Number::U16;
   for (std::size_t i = 0; i < count; ++i) {
     Frame& frame = frames[i];
     frame.camera = camera;
@@ -181,29 +182,54 @@ std::vector<Frame> read_camera_frames(const H5Group& detector, const std::string
     frame.height_px = static_cast<int>(shape[1]);
     frame.width_px = static_cast<int>(shape[2]);
     frame.format = *format;
-    auto bytes =
-        std::make_shared<std::vector<std::byte>>(bytes_of_image(*format, frame.width_px, frame.height_px));
-    detector.read_slice("data", i, number, bytes->data());
-    frame.bytes = std::move(bytes);
   }
   return frames;
 }
 
-void read_camera(const H5Group& detector, const std::string& camera, std::vector<FrameSet>& sets) {
+H5Number number_of(PixelFormat format) {
+  return bits_of(format) == 8 ? H5Number::U8 : H5Number::U16;
+}
+
+void read_pixels(const H5Group& detector, std::size_t index, Frame& frame) {
+  auto bytes =
+      std::make_shared<std::vector<std::byte>>(bytes_of_image(frame.format, frame.width_px, frame.height_px));
+  detector.read_slice("data", index, number_of(frame.format), bytes->data());
+  frame.bytes = std::move(bytes);
+}
+
+// Where the pixels of a set's frames are.
+struct FrameIndex {
+  std::vector<FrameSet> sets;                      // without pixels
+  std::vector<std::vector<std::size_t>> slice_of;  // (set, frame) in its camera's data
+};
+
+void index_camera(const H5Group& detector, const std::string& camera, FrameIndex& index) {
   const auto status = detector.read_texts("status");
-  if (status.size() != sets.size()) throw H5Failure(concat("the status of camera ", camera, " is cut short"));
+  if (status.size() != index.sets.size())
+    throw H5Failure(concat("the status of camera ", camera, " is cut short"));
   const auto count = static_cast<std::size_t>(std::count(status.begin(), status.end(), kStored));
   auto frames = read_camera_frames(detector, camera, count);
   std::size_t next = 0;
-  for (std::size_t s = 0; s < sets.size(); ++s) {
+  for (std::size_t s = 0; s < index.sets.size(); ++s) {
     if (status[s] == kStored) {
-      sets[s].frames.push_back(std::move(frames[next++]));
+      index.slice_of[s].push_back(next);
+      index.sets[s].frames.push_back(std::move(frames[next++]));
     } else if (status[s] != kAbsent) {
       const auto cause = loss_cause_from_name(status[s]);
       if (!cause) throw H5Failure(concat("unknown status '", status[s], "' of camera ", camera));
-      sets[s].losses.push_back({camera, *cause});
+      index.sets[s].losses.push_back({camera, *cause});
     }
   }
+}
+
+FrameIndex index_of(const H5File& file) {
+  const H5Group entry = file.group("entry");
+  FrameIndex index;
+  index.sets = read_sets(entry.group("sets"));
+  index.slice_of.resize(index.sets.size());
+  const H5Group instrument = entry.group("instrument");
+  for (const std::string& camera : instrument.names()) index_camera(instrument.group(camera), camera, index);
+  return index;
 }
 
 }  // namespace
@@ -225,16 +251,51 @@ Result<> write_frames(const std::filesystem::path& path, const std::vector<Frame
   });
 }
 
-Result<std::vector<FrameSet>> read_frames(const std::filesystem::path& path) {
+struct FrameReader::Impl {
+  std::filesystem::path path;
+  H5File file;
+  FrameIndex index;
+};
+
+FrameReader::FrameReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+FrameReader::FrameReader(FrameReader&&) noexcept = default;
+FrameReader::~FrameReader() = default;
+
+Result<FrameReader> FrameReader::open(const std::filesystem::path& path) {
   if (auto found = open_input(path); !found) return tl::unexpected(found.error());
-  return h5_result(path, "read", [&]() -> Result<std::vector<FrameSet>> {
-    const H5File file = H5File::open(path);
-    const H5Group entry = file.group("entry");
-    auto sets = read_sets(entry.group("sets"));
-    const H5Group instrument = entry.group("instrument");
-    for (const std::string& camera : instrument.names()) read_camera(instrument.group(camera), camera, sets);
-    return sets;
+  return h5_result(path, "read", [&]() -> Result<FrameReader> {
+    H5File file = H5File::open(path);
+    FrameIndex index = index_of(file);
+    return FrameReader(std::make_unique<Impl>(Impl{path, std::move(file), std::move(index)}));
   });
+}
+
+std::size_t FrameReader::sets() const {
+  return impl_->index.sets.size();
+}
+
+Result<FrameSet> FrameReader::read(std::size_t index) const {
+  expect(index < sets(), "the recording has this set");
+  return h5_result(impl_->path, "read", [&]() -> Result<FrameSet> {
+    FrameSet set = impl_->index.sets[index];
+    const H5Group instrument = impl_->file.group("entry").group("instrument");
+    for (std::size_t i = 0; i < set.frames.size(); ++i) {
+      read_pixels(instrument.group(set.frames[i].camera), impl_->index.slice_of[index][i], set.frames[i]);
+    }
+    return set;
+  });
+}
+
+Result<std::vector<FrameSet>> read_frames(const std::filesystem::path& path) {
+  const auto reader = FrameReader::open(path);
+  if (!reader) return tl::unexpected(reader.error());
+  std::vector<FrameSet> sets;
+  for (std::size_t i = 0; i < reader->sets(); ++i) {
+    auto set = reader->read(i);
+    if (!set) return tl::unexpected(set.error());
+    sets.push_back(std::move(*set));
+  }
+  return sets;
 }
 
 }  // namespace flamefield

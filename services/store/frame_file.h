@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <memory>
 #include <vector>
 
 #include "proto/frame.h"
@@ -19,5 +21,29 @@ Result<> write_frames(const std::filesystem::path& path, const std::vector<Frame
 
 // The sets as they were, each with its frames and losses in the order of the cameras' names.
 Result<std::vector<FrameSet>> read_frames(const std::filesystem::path& path);
+
+// The same one set at a time, for recordings that do not fit into memory.
+class FrameReader {
+ public:
+  static Result<FrameReader> open(const std::filesystem::path& path);
+  FrameReader(FrameReader&&) noexcept;
+  ~FrameReader();
+
+  std::size_t sets() const;
+  Result<FrameSet> read(std::size_t index) const;  // contract: index < sets()
+
+ private:
+  struct Impl;
+  explicit FrameReader(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+// Several files made by write_frames, one after the other, as one.
+Result<> merge_frame_files(const std::vector<std::filesystem::path>& parts, const std::filesystem::path& path,
+                           const Provenance& provenance);
+
+// FOLDER/CAMERA/CAPTURE-INDEX.tif, one picture a file, grey levels as they were taken; and FOLDER/sets.csv:
+// capture, index, pulse, time, and of each camera what became of it.
+Result<> write_frame_tiffs(const std::filesystem::path& folder, const FrameReader& recording);
 
 }  // namespace flamefield

@@ -1,0 +1,107 @@
+#include "services/recording/recording.h"
+
+#include <CLI/CLI.hpp>
+#include <iostream>
+
+#include "services/cli/commands.h"
+#include "services/cli/connection.h"
+#include "services/cli/progress.h"
+#include "services/ledger/reader.h"
+
+namespace flamefield {
+
+namespace {
+
+struct Options {
+  DataOption data;
+  std::string capture;
+  std::filesystem::path file;
+  bool at_full_speed = false;
+};
+
+Bus open_bus(const Endpoints& endpoints, const std::string& role) {
+  return Bus(or_usage(KeyRing::open(endpoints.keys, role)));
+}
+
+void export_capture(const Options& options, const Session& session) {
+  if (options.file.extension() != ".nxs") {
+    throw CommandFailure{ExitCode::Usage, concat("output '", options.file.string(),
+                                                 "' (recordings are .nxs files) choose another name")};
+  }
+  auto reader = or_usage(LedgerReader::open(options.data.dir));
+  const auto sets = or_fail(reader.sets(options.capture));
+  if (sets.empty()) {
+    throw CommandFailure{ExitCode::Failed,
+                         concat("capture '", options.capture,
+                                "' (no sets of it are stored) see 'flamefield runs list --captures'")};
+  }
+  const Endpoints endpoints = or_usage(endpoints_of(options.data.dir));
+  Bus bus = open_bus(endpoints, "worker");
+  auto client = or_fail(Client::connect(bus, "worker", unique_name("export"), endpoints.dispatcher));
+  ProgressBar bar(concat("export ", options.capture));
+  or_fail(convert_capture(
+      [&](std::int64_t index) -> Result<FrameSet> {
+        auto data = client.ask_for<SetData>(FetchSet{sets[static_cast<std::size_t>(index)].id},
+                                            std::chrono::seconds(30));
+        if (!data) return tl::unexpected(data.error());
+        return std::move(data->set);
+      },
+      static_cast<std::int64_t>(sets.size()), options.file,
+      {{"program_version", program_version()},
+       {"capture", options.capture},
+       {"command", session.command_line()}},
+      [&](std::int64_t done, std::int64_t total) {
+        bar.update(static_cast<double>(done), static_cast<double>(total), concat(done, " sets"));
+      },
+      session.stop()));
+  std::cout << options.file.string() << ": " << sets.size() << " sets\n";
+}
+
+void replay_recording(const Options& options, const Session& session) {
+  const auto recording = or_usage(FrameReader::open(options.file));
+  const Endpoints endpoints = or_usage(endpoints_of(options.data.dir));
+  Bus bus = open_bus(endpoints, "producer");
+  ReplayOptions how;
+  how.capture = options.capture.empty() ? concat("replay-", options.file.stem().string()) : options.capture;
+  how.keeps_time = !options.at_full_speed;
+  ProgressBar bar(concat("replay ", options.file.filename().string()));
+  const auto report = or_fail(replay(
+      recording, bus, endpoints.dispatcher, how,
+      [&](std::int64_t done, std::int64_t total) {
+        bar.update(static_cast<double>(done), static_cast<double>(total), concat(done, " sets"));
+      },
+      session.stop()));
+  std::cout << how.capture << ": " << report.sets << " sets stored in " << report.seconds << " s\n";
+}
+
+}  // namespace
+
+void add_export(CLI::App& runs, Session& session) {
+  auto options = std::make_shared<Options>();
+  auto* command =
+      runs.add_subcommand("export", "A capture as one .nxs file; goes on where it was interrupted");
+  add_data(*command, options->data);
+  command->add_option("CAPTURE", options->capture, "As 'runs list --captures' prints it")->required();
+  command->add_option("--out", options->file, "Recording to write, .nxs")->required();
+  command->footer(
+      "Examples:\n  flamefield runs export 20260301T101500000-burst --out burst.nxs\n"
+      "  flamefield convert burst.nxs pictures/");
+  command->callback(
+      [options, &session] { session.choose([=, &session] { export_capture(*options, session); }); });
+}
+
+void add_replay(CLI::App& app, Session& session) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand(
+      "replay", "Send a recording through a running 'flamefield serve', in place of cameras");
+  add_data(*command, options->data);
+  command->add_option("RECORDING", options->file, "Made by 'flamefield runs export'")->required();
+  command->add_option("--as", options->capture, "Name of the new capture");
+  command->add_flag("--full-speed", options->at_full_speed,
+                    "As fast as it can be stored, not as it was taken");
+  command->footer("Example:\n  flamefield replay burst.nxs --as second-look --full-speed");
+  command->callback(
+      [options, &session] { session.choose([=, &session] { replay_recording(*options, session); }); });
+}
+
+}  // namespace flamefield
