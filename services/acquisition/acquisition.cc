@@ -1,5 +1,6 @@
 #include "services/acquisition/acquisition.h"
 
+#include <algorithm>
 #include <chrono>
 #include <ctime>
 #include <thread>
@@ -179,8 +180,14 @@ bool Acquisition::tell_dispatcher(const PutCapture& capture, std::stop_token sto
 }
 
 CaptureState Acquisition::state() const {
+  const std::vector<std::string> lost =
+      array_ ? array_->progress().lost_cameras : std::vector<std::string>();  // takes the array's lock
   const std::scoped_lock lock(mutex_);
   CaptureState state = state_;
+  if (state.phase != CapturePhase::Idle) {
+    for (auto& camera : state.cameras)
+      camera.connected = std::find(lost.begin(), lost.end(), camera.name) == lost.end();
+  }
   state.sets_stored = state.sets - std::min(state.sets, outbox_.waiting());
   for (auto& camera : state.cameras) {
     if (const auto frame = newest_.find(camera.name); frame != newest_.end()) {

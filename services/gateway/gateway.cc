@@ -80,6 +80,7 @@ HttpResponse routed(const std::string& path, const GatewaySources& s) {
   const char* const json = "application/json";
   if (path == "/") return ok("text/html; charset=utf-8", std::string(kLivePage));
   if (path == "/api/v1/status" && s.status_json) return ok(json, s.status_json());
+  if (path == "/metrics" && s.metrics_text) return ok("text/plain; version=0.0.4", s.metrics_text());
   if (path == "/api/v1/runs" && s.runs_json) return ok(json, s.runs_json());
   if (path == "/api/v1/volume.png" && s.newest_volume_png)
     return answer_or_none(s.newest_volume_png(), "image/png");

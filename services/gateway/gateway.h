@@ -18,6 +18,7 @@ namespace flamefield {
 struct GatewaySources {
   std::function<std::string()> status_json;
   std::function<std::string()> runs_json;
+  std::function<std::string()> metrics_text;  // for Prometheus
   std::function<std::optional<std::string>(std::string_view run)> run_json;
   std::function<std::optional<std::string>(std::string_view capture)> receipt_json;
   std::function<std::optional<std::string>(std::string_view camera)> preview_png;
@@ -27,7 +28,7 @@ struct GatewaySources {
 };
 
 // The answer to one request, without a socket.
-//   /  /api/v1/status  /api/v1/runs  /api/v1/runs/ID  /api/v1/captures/ID/receipt
+//   /  /metrics  /api/v1/status  /api/v1/runs  /api/v1/runs/ID  /api/v1/captures/ID/receipt
 //   /api/v1/preview/CAMERA.png  /api/v1/volume.png  /volumes/FILE  /report/FILE
 HttpResponse answer(const HttpRequest& request, const GatewaySources& sources);
 

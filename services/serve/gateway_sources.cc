@@ -8,6 +8,7 @@
 #include "services/bus/client.h"
 #include "services/ledger/reader.h"
 #include "services/report/picture.h"
+#include "services/serve/prometheus.h"
 #include "services/serve/records_json.h"
 #include "services/store/volume_file.h"
 
@@ -172,6 +173,12 @@ GatewaySources gateway_sources(Bus& bus, const std::string& role, const std::str
   GatewaySources sources;
   sources.status_json = [=] { return status_json(*services, report); };
   sources.runs_json = [=] { return runs_json(*services); };
+  sources.metrics_text = [=] {
+    const auto array = services->ask_array<CaptureState>(GetCapture{});
+    const auto status = services->status();
+    return prometheus_text(array ? std::optional(*array) : std::nullopt,
+                           status ? std::optional(*status) : std::nullopt);
+  };
   sources.run_json = [=](std::string_view id) -> std::optional<std::string> {
     auto reader = services->ledger();
     if (!reader) return std::nullopt;

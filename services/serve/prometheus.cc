@@ -1,0 +1,82 @@
+#include "services/serve/prometheus.h"
+
+#include <string_view>
+
+namespace flamefield {
+
+namespace {
+
+// One family after the other; each metric belongs to the family begun last.
+class Exposition {
+ public:
+  void family(std::string_view name, std::string_view type, std::string_view help) {
+    name_ = concat("flamefield_", name);
+    text_ += concat("# HELP ", name_, " ", help, "\n# TYPE ", name_, " ", type, "\n");
+  }
+  template <class Value>
+  void sample(const Value& value, std::string_view labels = {}) {
+    text_ += labels.empty() ? concat(name_, " ", value, "\n") : concat(name_, "{", labels, "} ", value, "\n");
+  }
+  template <class Value>
+  void single(std::string_view name, std::string_view type, std::string_view help, const Value& value) {
+    family(name, type, help);
+    sample(value);
+  }
+  std::string take() { return std::move(text_); }
+
+ private:
+  std::string name_, text_;
+};
+
+std::string label(std::string_view key, std::string_view value) {
+  std::string out = concat(key, "=\"");
+  for (char c : value) {
+    if (c == '"' || c == '\\') out += '\\';
+    out += c;
+  }
+  return out + '"';
+}
+
+void add_array(const CaptureState& array, Exposition& out) {
+  out.single("capturing", "gauge", "1 while a capture is under way",
+             array.phase == CapturePhase::Idle ? 0 : 1);
+  out.single("sets_assembled_total", "counter", "Frame sets of the capture", array.sets);
+  out.single("sets_stored_total", "counter", "Of these, acknowledged as durable", array.sets_stored);
+  out.family("camera_connected", "gauge", "0 while a camera does not deliver");
+  for (const auto& camera : array.cameras) out.sample(camera.connected ? 1 : 0, label("camera", camera.name));
+  out.family("camera_frames_total", "counter", "Frames of the capture that a camera delivered");
+  for (const auto& camera : array.cameras) out.sample(camera.frames, label("camera", camera.name));
+  out.family("camera_losses_total", "counter", "Pulses without a frame of a camera, by cause");
+  for (const auto& camera : array.cameras) {
+    for (const auto& [cause, count] : camera.losses)
+      out.sample(count, concat(label("camera", camera.name), ",", label("cause", cause)));
+  }
+  out.family("camera_newest_age_seconds", "gauge", "Since the newest frame of a camera");
+  for (const auto& camera : array.cameras) {
+    if (camera.newest_age_s >= 0) out.sample(camera.newest_age_s, label("camera", camera.name));
+  }
+}
+
+void add_dispatcher(const Status& status, Exposition& out) {
+  out.single("sets_in_ledger", "gauge", "Frame sets that the ledger knows", status.sets);
+  out.single("runs_in_ledger", "gauge", "Reconstructions that the ledger knows", status.runs);
+  out.family("jobs", "gauge", "Jobs by state");
+  out.sample(status.queued, label("state", "queued"));
+  out.sample(status.leased, label("state", "leased"));
+  out.sample(status.done, label("state", "done"));
+  out.sample(status.failed, label("state", "failed"));
+  out.single("workers", "gauge", "Workers that talk to the dispatcher", status.workers.size());
+  out.family("dispatcher_events_total", "counter", "What the dispatcher counts since it started");
+  for (const auto& [name, count] : status.counters) out.sample(count, label("event", name));
+}
+
+}  // namespace
+
+std::string prometheus_text(const std::optional<CaptureState>& array, const std::optional<Status>& status) {
+  Exposition out;
+  if (array) add_array(*array, out);
+  if (status) add_dispatcher(*status, out);
+  return out.take();
+}
+
+}  // namespace flamefield
