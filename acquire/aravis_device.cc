@@ -404,6 +404,7 @@ void AravisDevice::anchor_clock() {
     const auto ticks = static_cast<double>(std::uint64_t{high} << 32 | low);
     if (ticks <= 0 || after_ns - before_ns >= best_ns) continue;
     best_ns = after_ns - before_ns;
+    clock_error_ns_ = best_ns / 2;
     clock_offset_ns_ = before_ns + best_ns / 2 - std::llround(ticks / frequency_hz * 1e9);
     is_clock_anchored_ = true;
   }
@@ -468,6 +469,7 @@ std::optional<std::variant<Arrival, LossCause>> AravisDevice::next(std::chrono::
   bytes->resize(bytes_of_image(*format, frame.width_px, frame.height_px));  // without the chunks
   frame.bytes = bytes;
   arrival.exposure_utc_ns = utc_of(frame.device_time_ns, now_ns);
+  arrival.clock_error_ns = is_clock_anchored_ ? clock_error_ns_ : 0;
   return arrival;
 }
 

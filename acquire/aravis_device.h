@@ -79,7 +79,8 @@ class AravisDevice {
   BufferPool pool_{16};
   std::int64_t underruns_ = 0;
   std::optional<std::int64_t> clock_offset_ns_;  // UTC minus the camera's clock
-  bool is_clock_anchored_ = false;               // the offset was measured, not guessed from arrivals
+  std::int64_t clock_error_ns_ = 0;
+  bool is_clock_anchored_ = false;  // the offset was measured, not guessed from arrivals
 };
 
 }  // namespace flamefield

@@ -1,38 +1,51 @@
 #include "acquire/camera_clock.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace flamefield {
 
 namespace {
 
-constexpr std::int64_t kMemory = 30;        // pulses
-constexpr double kMostDrift = 200e-6;       // between two quartzes
-constexpr double kShortest_ns = 1'000'000;  // between two pulses that say anything about drift
+constexpr std::size_t kMemory = 32;  // pulses
+// (noise / drift)^2 expected of cameras: 20 us of the one, 100 ppm of the other.
+constexpr double kRidge_ns2 = (20e3 / 100e-6) * (20e3 / 100e-6);
+constexpr double kSpreadMemory = 16;  // pulses
 
 }  // namespace
 
 std::int64_t CameraClock::common_of(std::int64_t camera_ns) const {
-  const auto since_ns = static_cast<double>(camera_ns - last_ns_);
-  return camera_ns + std::llround(offset_ns_ + (matches_ > 0 ? drift_ * since_ns : 0));
+  return camera_ns + std::llround(offset_ns_ + drift_ * static_cast<double>(camera_ns - centre_ns_));
 }
 
 void CameraClock::learn(std::int64_t camera_ns, std::int64_t common_ns) {
-  const auto since_ns = static_cast<double>(camera_ns - last_ns_);
-  if (matches_ > 0 && since_ns < kShortest_ns) return;
-  const auto n = static_cast<double>(std::min(matches_, kMemory));
-  const double alpha = 2 * (2 * n + 1) / ((n + 1) * (n + 2)), beta = 6 / ((n + 1) * (n + 2));
-  const auto residual_ns = static_cast<double>(common_ns - common_of(camera_ns));
-  if (matches_ > 0) {
-    offset_ns_ += drift_ * since_ns + alpha * residual_ns;
-    drift_ = std::clamp(drift_ + beta * residual_ns / since_ns, -kMostDrift, kMostDrift);
-  } else {
-    offset_ns_ = residual_ns;
+  if (!points_.empty() && camera_ns <= points_.back().camera_ns) return;
+  if (points_.size() >= 2) {
+    const auto residual_ns = static_cast<double>(common_ns - common_of(camera_ns));
+    const double n = std::min(kSpreadMemory, static_cast<double>(points_.size() - 1));
+    mean_square_ns2_ += (residual_ns * residual_ns - mean_square_ns2_) / n;
   }
-  if (is_settled()) mean_square_ns2_ += (residual_ns * residual_ns - mean_square_ns2_) / n;
-  last_ns_ = camera_ns;
-  ++matches_;
+  points_.push_back({camera_ns, common_ns - camera_ns});
+  if (points_.size() > kMemory) points_.pop_front();
+  fit();
+}
+
+void CameraClock::fit() {
+  const Point& first = points_.front();
+  const auto n = static_cast<double>(points_.size());
+  double mean_x = 0, mean_y = 0;
+  for (const Point& point : points_) {
+    mean_x += static_cast<double>(point.camera_ns - first.camera_ns) / n;
+    mean_y += static_cast<double>(point.offset_ns - first.offset_ns) / n;
+  }
+  double sxx = 0, sxy = 0;
+  for (const Point& point : points_) {
+    const double x = static_cast<double>(point.camera_ns - first.camera_ns) - mean_x;
+    sxx += x * x;
+    sxy += x * (static_cast<double>(point.offset_ns - first.offset_ns) - mean_y);
+  }
+  drift_ = sxy / (sxx + kRidge_ns2);
+  centre_ns_ = first.camera_ns + std::llround(mean_x);
+  offset_ns_ = static_cast<double>(first.offset_ns) + mean_y;
 }
 
 }  // namespace flamefield

@@ -2,13 +2,14 @@
 
 #include <cmath>
 #include <cstdint>
+#include <deque>
 
 namespace flamefield {
 
-// Puts one camera's times on the time that the array has in common, by a line fitted to the pulses that the
-// camera shares with the others: offset and drift, old pulses forgotten. The gains are those of the
-// growing-memory least-squares fit of a line (Brookner, Tracking and Kalman Filtering Made Easy, 1998,
-// section 1.2.10), held once the memory is long enough.
+// Puts one camera's times on the time that the array has in common, by the least-squares line through the
+// offsets of the latest pulses that it shares with the others. Drift is held near zero as far as the pulses
+// say little about it (ridge regression; Hoerl and Kennard, Technometrics 12, 1970): a burst of a tenth of a
+// second must not be carried on over a pause of a minute.
 class CameraClock {
  public:
   // Forgets all: the camera has started again.
@@ -19,17 +20,25 @@ class CameraClock {
   // The camera says `camera_ns` of a pulse that was at `common_ns`. Times rise.
   void learn(std::int64_t camera_ns, std::int64_t common_ns);
 
-  // Enough pulses are known to contradict a trigger counter.
-  bool is_settled() const { return matches_ >= 3; }
+  // Enough pulses are known, and fit a line well enough, to contradict a trigger counter by less than
+  // `tolerance_ns`. Arming a busy machine sets clocks badly, and incomplete sets teach them wrongly.
+  bool is_settled(std::int64_t tolerance_ns) const {
+    return points_.size() >= 8 && 12 * spread_ns() <= static_cast<double>(tolerance_ns);
+  }
   double drift_ppm() const { return 1e6 * drift_; }
   // Root mean square of how far recent pulses were from where they were expected.
   double spread_ns() const { return std::sqrt(mean_square_ns2_); }
 
  private:
-  std::int64_t matches_ = 0;
-  std::int64_t last_ns_ = 0;  // of the camera
-  double offset_ns_ = 0;      // common minus camera time, at last_ns_
-  double drift_ = 0;          // of the offset, ns per ns
+  struct Point {
+    std::int64_t camera_ns = 0, offset_ns = 0;  // common minus camera time
+  };
+  void fit();
+
+  std::deque<Point> points_;
+  std::int64_t centre_ns_ = 0;  // of the camera
+  double offset_ns_ = 0;        // there
+  double drift_ = 0;            // of the offset, ns per ns
   double mean_square_ns2_ = 0;
 };
 

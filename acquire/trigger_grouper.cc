@@ -43,10 +43,10 @@ std::vector<FrameSet> TriggerGrouper::add(std::size_t camera, Arrival arrival, s
   const CameraState& state = states_[camera];
   Entry entry;
   entry.common_ns = state.clock.common_of(arrival.exposure_utc_ns);
-  entry.is_trusted = !arrival.trigger_count || !state.base || state.has_rejoined || state.clock.is_settled();
+  entry.is_trusted = !arrival.trigger_count || !state.base || state.clock.is_settled(train_.half_width_ns());
   // A settled clock knows better than to within a quarter of a period.
   entry.tolerance_ns = train_.half_width_ns();
-  if (state.clock.is_settled() && !state.has_rejoined) {
+  if (state.base && entry.is_trusted) {
     entry.tolerance_ns = std::min<std::int64_t>(
         entry.tolerance_ns, std::max(kLeastTolerance_ns, std::llround(6 * state.clock.spread_ns())));
   }
@@ -99,7 +99,6 @@ void TriggerGrouper::rejoin(std::size_t camera) {
   state.clock.reset();
   state.base.reset();
   state.is_lost = false;
-  state.has_rejoined = true;
   state.joined_pulse = next_pulse_ - 1;
 }
 
@@ -135,6 +134,8 @@ TriggerGrouper::Fate TriggerGrouper::place(std::size_t camera, Entry entry, std:
       ++tallies_[camera].count_slips;
     }
   } else {
+    // A clock that may be off by as much as pulses are apart tells nothing.
+    if (trigger_count && entry.arrival.clock_error_ns > train_.half_width_ns()) return Fate::Implausible;
     pulse = pulse_by_time(entry);
     if (pulse && trigger_count) state.base = *trigger_count - *pulse;
   }
@@ -506,8 +507,11 @@ FrameSet TriggerGrouper::close_front(std::int64_t now_ns, bool is_final) {
     if (std::optional<Entry>& entry = open.entries[i]) {
       const std::int64_t camera_ns = entry->arrival.exposure_utc_ns;
       times.push_back(camera_ns);
-      const bool is_outlier = common && std::abs(entry->common_ns - common->time_ns) > train_.half_width_ns();
-      if (common && !(state.clock.is_settled() && is_outlier)) state.clock.learn(camera_ns, common->time_ns);
+      if (common) {
+        const bool is_outlier = std::abs(entry->common_ns - common->time_ns) > train_.half_width_ns();
+        if (is_outlier && state.clock.is_settled(train_.half_width_ns())) state.clock.reset();
+        state.clock.learn(camera_ns, common->time_ns);
+      }
       state.last_closed = open.pulse;
       set.frames.push_back(std::move(entry->arrival.frame));
       ++tally.delivered;

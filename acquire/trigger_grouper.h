@@ -114,7 +114,6 @@ class TriggerGrouper {
     std::int64_t asked_pulse = 0;      // for which it was overdue last
     std::int64_t answered_pulse = 0;   // newest pulse when it was known to be alive
     bool is_lost = false;
-    bool has_rejoined = false;  // by its clock alone
     std::deque<PendingLoss> pending;
   };
   enum class Fate { Placed, Late, Duplicate, Unwanted, BeforeStart, Implausible, Extra };

@@ -47,7 +47,7 @@ void export_capture(const Options& options, const Session& session) {
         return std::move(data->set);
       },
       static_cast<std::int64_t>(sets.size()), options.file,
-      {{"program_version", program_version()},
+      {{"program_version", std::string(program_version())},
        {"capture", options.capture},
        {"command", session.command_line()}},
       [&](std::int64_t done, std::int64_t total) {

@@ -70,11 +70,11 @@ class WorldMaker {
 
   // One camera at a time is odd; each has recovered before the next one is.
   void plan_faults() {
-    for (std::size_t pulse = 6; pulse + 8 < world_.pulses_ns.size(); pulse += 5 + random_() % 4) {
+    for (std::size_t pulse = 12; pulse + 8 < world_.pulses_ns.size(); pulse += 5 + random_() % 4) {
       // A clock set anew is on UTC, from which the array has drifted: closer pulses could not be told apart.
       const auto fault = static_cast<Fault>(random_() % (gap_ns_ < 50 * kMs ? 5 : 6));
       faults_[{random_() % world_.cameras, static_cast<std::int64_t>(pulse)}] = fault;
-      if (fault == Fault::Restart) pulse += static_cast<std::size_t>(1000 * kMs / gap_ns_);
+      if (fault == Fault::Restart) pulse += 14 + static_cast<std::size_t>(1000 * kMs / gap_ns_);
     }
   }
 

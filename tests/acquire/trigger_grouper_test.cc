@@ -358,21 +358,21 @@ TEST(TriggerGrouper, NoSetWaitsLongerThanItsDeadline) {
 // pulse.
 TEST(TriggerGrouper, FrameThatOneCameraAloneHasWaitsForAWitness) {
   TriggerGrouper grouper(options_for(3));
-  for (std::int64_t pulse = 1; pulse <= 5; ++pulse) {
+  for (std::int64_t pulse = 1; pulse <= 10; ++pulse) {
     for (std::size_t camera = 0; camera < 3; ++camera)
       grouper.add(camera, counted(pulse, pulse * 200 * kMs), pulse * 200 * kMs);
   }
-  EXPECT_THAT(grouper.add(0, counted(6, 1500 * kMs), 1500 * kMs), IsEmpty());
+  EXPECT_THAT(grouper.add(0, counted(11, 2500 * kMs), 2500 * kMs), IsEmpty());
   EXPECT_THAT(grouper.advance(9000 * kMs), IsEmpty());
   std::vector<FrameSet> sets;
-  append(sets, grouper.add(0, counted(7, 10'000 * kMs), 10'001 * kMs));
-  append(sets, grouper.add(1, counted(6, 10'000 * kMs), 10'002 * kMs));
-  append(sets, grouper.add(2, counted(6, 10'000 * kMs), 10'003 * kMs));
+  append(sets, grouper.add(0, counted(12, 10'000 * kMs), 10'001 * kMs));
+  append(sets, grouper.add(1, counted(11, 10'000 * kMs), 10'002 * kMs));
+  append(sets, grouper.add(2, counted(11, 10'000 * kMs), 10'003 * kMs));
   ASSERT_THAT(sets, SizeIs(1));
-  EXPECT_EQ(sets[0].pulse, 6);
+  EXPECT_EQ(sets[0].pulse, 11);
   EXPECT_THAT(sets[0].losses, IsEmpty());
   EXPECT_EQ(grouper.tallies()[0].extra, 1);
-  EXPECT_EQ(grouper.pulse_of_count(0, 8), 7);
+  EXPECT_EQ(grouper.pulse_of_count(0, 13), 12);
 }
 
 }  // namespace
