@@ -26,6 +26,17 @@ std::string picture(const Image& image, Axis right, Axis up, double mm, const st
          colour_bar_svg(inferno(), range, quantity);
 }
 
+// A camera looks from outside and may have z to its left; figures have it to the right.
+Image with_z_to_the_right(const Image& image, const Camera& camera) {
+  const Eigen::Vector3d origin_mm = camera.camera_from_world * Eigen::Vector3d::Zero();
+  const Eigen::Vector3d along_z_mm = camera.camera_from_world * Eigen::Vector3d::UnitZ();
+  if (along_z_mm.x() > origin_mm.x()) return image;
+  Image out = image;
+  for (int y = 0; y < image.height_px; ++y)
+    for (int x = 0; x < image.width_px; ++x) out.at(x, y) = image.at(image.width_px - 1 - x, y);
+  return out;
+}
+
 }  // namespace
 
 Result<std::string> masks_figure(const StudyFigure& figure, const FigureSource& source) {
@@ -56,6 +67,8 @@ Result<std::string> masks_figure(const StudyFigure& figure, const FigureSource& 
     if (column >= 0 && row >= 0 && column < front.width_px && row < front.height_px)
       front.at(column, row) += 1;
   }
+  measured = with_z_to_the_right(measured, camera);
+  front = with_z_to_the_right(front, camera);
   const double mm = grid.spacing_mm.x();
   return concat(
       "<div class=\"row\">",
