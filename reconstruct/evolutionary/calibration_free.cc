@@ -77,7 +77,8 @@ Result<Solution> solve_with_cameras(const Problem& problem, const ErtOptions& op
     // Smooth first: three halvings of the weight, then as the recipe says.
     field_options.roughness = options.roughness * std::exp2(std::min(left, 4));
     field_options.tolerance = left > 0 ? std::max(options.tolerance, 2e-3) : options.tolerance;
-    auto projector = Projector::make(rig, grid, {}, problem.team);
+    // Corrected cameras are not level; a stored matrix hands out their columns fastest.
+    auto projector = Projector::make(rig, grid, {.trilinear = true}, problem.team);
     if (!projector) return tl::unexpected(projector.error());
     SolveControl control = problem.control;
     if (control.time_limit_s > 0)

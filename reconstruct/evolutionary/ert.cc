@@ -73,7 +73,8 @@ Result<Solution> solve_once(const Problem& problem, const ErtOptions& options) {
   Solution out;
   const Layout& layout = problem.projector.layout();
   out.volume.assign(layout.voxels(), 0);
-  const float scale = largest_voxel(problem);
+  // What a gas absorbs, a linear solver does not see.
+  const float scale = (options.absorption > 0 ? 2.0f : 1.0f) * largest_voxel(problem);
   if (!(scale > 0)) {
     out.stop_reason = StopReason::Fitness;
     out.notes.push_back("no image shows any light");

@@ -16,11 +16,11 @@ constexpr std::uint64_t stream_of(Purpose purpose, int generation) {
   return std::uint64_t{purpose} << 56 | static_cast<std::uint64_t>(generation) << 20;
 }
 
-constexpr double kLookEvery = 8;        // offspring per voxel
-constexpr double kModelEvery = 2;       // likewise, between renderings of a non-linear model
-constexpr int kMostModelLooks = 60;     // of a non-linear model, which may circle around its solution
-constexpr int kFirstReport = 10;        // generations
-constexpr double kReportGrowth = 0.05;  // of the generations between reports
+constexpr double kLookEvery = 8;         // offspring per voxel
+constexpr double kModelEvery = 2;        // likewise, between renderings of a non-linear model
+constexpr double kMostModelLooks = 100;  // of a non-linear model, which may circle around its solution
+constexpr int kFirstReport = 10;         // generations
+constexpr double kReportGrowth = 0.05;   // of the generations between reports
 // A penalty for L_p whose slope matches that of p = 2 where the residual is 4 % of the brightest pixel.
 constexpr double kMatchedResidual = 0.04;
 // What voxels cannot model even without noise, rms, share of the brightest pixel; the weight of roughness was
@@ -72,7 +72,7 @@ Evolution::Evolution(const Problem& problem, const ErtOptions& options, const Me
     if (std::min({finer.nx, finer.ny, finer.nz}) < 2 * kSmallest) break;
     interpolations_.emplace_back(finer);
     densities_.push_back(interpolations_.back().largest_within(densities_.back()));
-    tables_.emplace_back(tables_.back(), interpolations_.back(), problem.team);
+    tables_.emplace_back(tables_.back(), interpolations_.back(), densities_.back(), problem.team);
   }
   for (const std::vector<float>& density : densities_) {
     active_.push_back(
@@ -128,7 +128,7 @@ void Evolution::enter(std::size_t rung, std::vector<float> field) {
   brood_->begin(std::move(field), std::move(residual));
   draw_mask();
   last_objective_ = brood_->objective();
-  next_look_ = model_.is_linear() ? spans_[rung] : kModelEvery * static_cast<double>(active_[rung]);
+  next_look_ = spans_[rung];
   tallies_reported_ = {};
 }
 
@@ -162,6 +162,13 @@ void Evolution::render_anew() {
   brood_->set_residual(residual_of(brood_->field()));
 }
 
+// Generations between renderings; the same after a resumption.
+int Evolution::render_every() const {
+  if (model_.is_linear()) return options_.render_every;
+  const double offspring = kModelEvery * static_cast<double>(active_[rung_]);
+  return std::max(1, static_cast<int>(offspring / options_.pop_size));
+}
+
 bool Evolution::ends_rung_early() const {
   constexpr int kShare = 6;  // of all generations, that a coarse grid may take
   return generation_ - entered_ >= options_.max_generations / kShare ||
@@ -172,18 +179,14 @@ bool Evolution::ends_rung_early() const {
 bool Evolution::rung_is_done() {
   if (rung_ > 0 && ends_rung_early()) return true;
   if (brood_->made() < next_look_) return false;
-  if (!model_.is_linear()) {
-    render_anew();
-    next_look_ += kModelEvery * static_cast<double>(active_[rung_]);
-    if (next_look_ < (rung_ > 0 ? 8 : kMostModelLooks) * kModelEvery * static_cast<double>(active_[rung_]))
-      return false;
-    const double change = std::abs(last_objective_ - brood_->objective());
-    last_objective_ = brood_->objective();
-    return rung_ > 0 || change < options_.tolerance * last_objective_;
-  }
   next_look_ += spans_[rung_];
+  if (!model_.is_linear()) render_anew();
   const double change = last_objective_ - brood_->objective();
   last_objective_ = brood_->objective();
+  // Where the model bends, steps along its columns go too far or not far enough, and back again.
+  if (!model_.is_linear() && rung_ == 0)
+    return std::abs(change) < options_.tolerance * last_objective_ ||
+           brood_->made() > kMostModelLooks * spans_[0];
   constexpr double kCoarser = 10;  // tolerance of a field that is only passed on
   return change < options_.tolerance * (rung_ > 0 ? kCoarser : 1) * last_objective_;
 }
@@ -223,7 +226,7 @@ StopReason Evolution::run(Monitor& monitor) {
   for (;;) {
     brood_->evolve(control.seed, stream_of(kOffspringStream, generation_));
     ++generation_;
-    if (generation_ % options_.render_every == 0) render_anew();
+    if (generation_ % render_every() == 0) render_anew();
     if (generation_ > options_.ma_start && generation_ % options_.steps == 0) draw_mask();
     std::optional<StopReason> reason = monitor.interrupted();
     if (generation_ >= options_.max_generations) reason = StopReason::Iterations;

@@ -42,6 +42,7 @@ class Evolution {
   void draw_mask();
   void render_anew();
   bool rung_is_done();
+  int render_every() const;
   bool ends_rung_early() const;
   void report(Monitor& monitor);
   std::string identity() const;

@@ -86,7 +86,8 @@ StripTable::StripTable(const Projector& projector, float scale, double budget_mi
   store(parts, sizes);
 }
 
-StripTable::StripTable(const StripTable& fine, const Interpolation& interpolation, Team& team)
+StripTable::StripTable(const StripTable& fine, const Interpolation& interpolation,
+                       std::span<const float> density, Team& team)
     : voxels_(interpolation.coarse().voxels()), image_floats_(fine.image_floats_) {
   std::vector<std::vector<Strip>> parts(kParts);
   std::vector<std::size_t> sizes(voxels_ + 1, 0);
@@ -95,6 +96,7 @@ StripTable::StripTable(const StripTable& fine, const Interpolation& interpolatio
     std::vector<Strip> scratch;
     const auto [begin, end] = part(voxels_, p);
     for (std::size_t voxel = begin; voxel < end; ++voxel) {
+      if (!(density[voxel] > 0)) continue;
       interpolation.visit(voxel, [&](std::size_t j, float share) { sum.add(fine.of(j, scratch), share); });
       const std::size_t before = parts[p].size();
       sum.take(parts[p]);

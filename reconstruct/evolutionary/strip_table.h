@@ -26,7 +26,9 @@ class StripTable {
 
   // Columns of A P, with P the interpolation of a ladder's coarse grid onto `fine`'s: a change of a coarse
   // voxel has the same images as that of the fine voxels it stands for.
-  StripTable(const StripTable& fine, const Interpolation& interpolation, Team& team);
+  // Columns are left empty where the coarse `density` is 0.
+  StripTable(const StripTable& fine, const Interpolation& interpolation, std::span<const float> density,
+             Team& team);
 
   std::size_t voxels() const { return voxels_; }
   bool is_stored() const { return !start_.empty(); }

@@ -82,7 +82,7 @@ TEST(StripTable, HoldsTheColumnsOfTheProjector) {
 TEST(Ladder, ACoarseVoxelHasTheImagesOfTheFineOnesItStandsFor) {
   Scene scene;
   const Interpolation interpolation(scene.grid);
-  const StripTable coarse(scene.strips, interpolation, scene.team);
+  const StripTable coarse(scene.strips, interpolation, std::vector<float>(512, 1.0f), scene.team);
   ASSERT_EQ(coarse.voxels(), 512u);
   std::vector<Strip> scratch;
   const std::vector<float> field = random_values(512, 3);
