@@ -34,8 +34,8 @@ struct SolveControl {
   std::function<void(const SolverProgress&)> progress = {};
   // A warm start, e.g. the field of the pulse before, on the same grid; must outlive the solve. Null: none.
   const Volume* start = nullptr;
-  // Evolutionary solvers only: the best field so far now and then, for a live page; and all that is needed to
-  // go on later, bit by bit as if it had never been interrupted (resume takes such bytes).
+  // Evolutionary solvers only: the best field so far now and then, for a live page; and, at the end too, all
+  // that is needed to go on later, bit by bit as if it had never been interrupted (resume takes such bytes).
   std::function<void(const Volume&)> preview = {};
   double preview_every_s = 1;
   std::function<void(std::string_view)> checkpoint = {};

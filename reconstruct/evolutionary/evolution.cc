@@ -231,7 +231,7 @@ StopReason Evolution::run(Monitor& monitor) {
     std::optional<StopReason> reason = monitor.interrupted();
     if (generation_ >= options_.max_generations) reason = StopReason::Iterations;
     if (options_.fit_threshold < 1 && 1 - z() >= options_.fit_threshold) reason = StopReason::Fitness;
-    if (!reason && rung_is_done()) {
+    if (rung_is_done()) {
       if (rung_ == 0) {
         reason = StopReason::Converged;
       } else {
@@ -242,7 +242,10 @@ StopReason Evolution::run(Monitor& monitor) {
       report(monitor);
       next_report = generation_ + std::max(kFirstReport, static_cast<int>(kReportGrowth * generation_));
     }
-    if (reason) return *reason;
+    if (reason) {
+      if (control.checkpoint) control.checkpoint(checkpoint());
+      return *reason;
+    }
     if (control.preview && monitor.elapsed_s() >= next_preview_s) {
       Volume volume(problem_.projector.grid());
       volume.values = best();

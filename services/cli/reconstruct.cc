@@ -1,5 +1,8 @@
 #include <CLI/CLI.hpp>
+#include <filesystem>
+#include <fstream>
 #include <iostream>
+#include <iterator>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -9,6 +12,7 @@
 #include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
 #include "services/config/recipe_file.h"
+#include "services/store/file.h"
 #include "services/store/projection_file.h"
 #include "services/store/rig_file.h"
 #include "services/store/volume_file.h"
@@ -18,7 +22,7 @@ namespace flamefield {
 namespace {
 
 struct Options {
-  std::filesystem::path projections, rig, start, out;
+  std::filesystem::path projections, rig, start, checkpoint, out;
   DomainOptions domain;
   RecipeOptions recipe;
   std::uint64_t seed = 1;
@@ -80,6 +84,12 @@ Volume read_start(const std::filesystem::path& path, const Grid& grid) {
   return start;
 }
 
+// What an earlier, interrupted call left; empty when there is nothing.
+std::string read_checkpoint(const std::filesystem::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
 void run(const Options& options, const Session& session) {
   const Grid grid = options.domain.grid();
   const Recipe recipe = options.recipe.recipe();
@@ -98,11 +108,19 @@ void run(const Options& options, const Session& session) {
     progress.update(p.iteration, p.max_iterations,
                     concat("iteration ", p.iteration, ", residual ", p.residual));
   };
+  std::string state;
+  if (!options.checkpoint.empty()) {
+    state = read_checkpoint(options.checkpoint);
+    control.resume = state;
+    control.checkpoint = [&](std::string_view bytes) { or_fail(write_text_file(options.checkpoint, bytes)); };
+  }
   const Reconstruction result =
       or_fail_about(options.projections, reconstruct(projections, rig, grid, recipe, control));
   // Also when it was stopped: the best so far, marked by its stop_reason.
   or_fail(
       write_volume(options.out, result.volume, provenance_of(options, recipe, rig, result), result.sigma));
+  if (result.stop_reason != StopReason::Cancelled && !options.checkpoint.empty())
+    std::filesystem::remove(options.checkpoint);
   for (const std::string& note : result.notes) std::cerr << "note: " << note << '\n';
   if (result.stop_reason == StopReason::Cancelled) {
     throw CommandFailure{ExitCode::Failed,
@@ -132,6 +150,8 @@ void add_reconstruct(CLI::App& app, Session& session) {
   add_recipe(*command, options->recipe);
   command->add_option("--start", options->start,
                       "Volume to start from, on the same grid, e.g. of the pulse before");
+  command->add_option("--checkpoint", options->checkpoint,
+                      "ert: file to keep the evolution in, and to go on from if it is there");
   command->add_option("--seed", options->seed, "Of the stochastic solvers")->capture_default_str();
   command->add_option("--threads", options->threads, "0: all; the result does not depend on it")
       ->check(CLI::Range(0, 1024))

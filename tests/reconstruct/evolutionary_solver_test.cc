@@ -107,7 +107,7 @@ TEST(Ert, AResumedRunEqualsOneThatWasNeverInterrupted) {
     first.stop = source.get_token();
     int checkpoints = 0;
     first.checkpoint = [&](std::string_view state) {
-      bytes = state;
+      bytes = state;  // the last one is written when the solve ends
       if (++checkpoints == 150) source.request_stop();
     };
     const Recipe recipe =
