@@ -119,8 +119,9 @@ void run(const Options& options, const Session& session) {
   // Also when it was stopped: the best so far, marked by its stop_reason.
   or_fail(
       write_volume(options.out, result.volume, provenance_of(options, recipe, rig, result), result.sigma));
-  if (result.stop_reason != StopReason::Cancelled && !options.checkpoint.empty())
-    std::filesystem::remove(options.checkpoint);
+  const bool may_go_on =
+      result.stop_reason == StopReason::Cancelled || result.stop_reason == StopReason::TimeLimit;
+  if (!may_go_on && !options.checkpoint.empty()) std::filesystem::remove(options.checkpoint);
   for (const std::string& note : result.notes) std::cerr << "note: " << note << '\n';
   if (result.stop_reason == StopReason::Cancelled) {
     throw CommandFailure{ExitCode::Failed,
