@@ -160,7 +160,7 @@ Projections render_absorbed(const Volume& truth, const Rig& rig, double absorpti
   return out;
 }
 
-TEST(EvolutionarySlow, MostOfWhatSelfAbsorptionCostsLinearSolversIsWonBack) {
+TEST(EvolutionarySlow, SelfAbsorptionThatMisleadsLinearSolversIsUndone) {
   const Grid grid = centred_grid(24, 24, 24, 1);
   const Volume fine = finer(PhantomKind::HollowSphere, grid);
   constexpr double kAbsorption = 0.25;  // per mm in the brightest gas
@@ -170,8 +170,13 @@ TEST(EvolutionarySlow, MostOfWhatSelfAbsorptionCostsLinearSolversIsWonBack) {
   const double unabsorbed = solve(clear, {"ert", {}}, 60).metrics.pearson;
   for (const char* linear : {"ert", "hessian", "sirt", "mlem"})
     EXPECT_LE(solve(absorbing, {linear, {}}, 60).metrics.pearson, unabsorbed - 0.02) << linear;
-  const Score found = solve(absorbing, {"ert", {{"ert.absorption", kAbsorption}}}, 120);
-  EXPECT_GE(found.metrics.pearson, unabsorbed - 0.015);  // 0.9720 of 0.9852; the best linear one: 0.9495
+  // The brightest pixel, by which roughness counts, is dimmed more than the field: a wider edge.
+  const Recipe bent{"ert",
+                    {{"ert.absorption", kAbsorption},
+                     {"ert.roughness", 0.002},
+                     {"ert.roughness_edge", 0.04},
+                     {"ert.tolerance", 1e-5}}};
+  EXPECT_GE(solve(absorbing, bent, 120).metrics.pearson, unabsorbed - 0.005);
 }
 
 // Each camera is turned at random, so that its image is off by about one pixel.
