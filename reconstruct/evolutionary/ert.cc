@@ -52,8 +52,8 @@ std::vector<SettingField> ert_fields(ErtOptions& o) {
       {"columns_budget_mib", "MiB", 0, 1e9, "columns of A that need more are worked out at every use",
        &o.columns_budget_mib},
       {"ensemble", "", 1, 1000, "independent runs; their mean and deviation are the result", &o.ensemble},
-      {"calibrate_rounds", "", 0, 100, "brood: cameras are corrected between so many solves; 0: never",
-       &o.calibrate_rounds},
+      {"calibrate_rounds", "", 0, 100,
+       "brood: cameras are corrected between so many solves, experimental; 0: never", &o.calibrate_rounds},
       {"absorption", "1/(unit mm)", 0, 1e9, "self-absorption per emission and mm", &o.absorption}};
 }
 
