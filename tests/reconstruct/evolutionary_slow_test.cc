@@ -181,8 +181,6 @@ TEST(EvolutionarySlow, SelfAbsorptionThatMisleadsLinearSolversIsUndone) {
 
 // Each camera is turned at random, so that its image is off by about one pixel.
 TEST(EvolutionarySlow, CalibrationFreeEvolutionWinsBackHalfOfWhatPoseErrorsCost) {
-  if (!std::getenv("FLAMEFIELD_CALIBRATION_FREE"))
-    GTEST_SKIP() << "takes minutes and is not known to pass; set FLAMEFIELD_CALIBRATION_FREE to try";
   const Grid grid = centred_grid(32, 32, 32, 1);
   const Volume fine = make_phantom({.kind = PhantomKind::Stratified}, centred_grid(96, 96, 96, 1.0 / 3));
   const Scene truth = scene_of(fine, grid, {.views = 12, .spacing_rad = 15 * kDeg, .radius_mm = 192});
