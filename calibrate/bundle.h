@@ -29,6 +29,7 @@ struct BundleOptions {
   bool free_aspect = false;      // fy / fx
   bool free_tangential = false;  // p1 p2
   bool free_k3 = false;
+  bool free_bow = false;      // the board's sagitta, one shape for all poses
   bool hold_cameras = false;  // cameras as they are; all board poses free
   double robust_px = 0;       // Huber's threshold; 0: plain least squares
   double noise_px = 0.1;      // expected sigma of a corner coordinate, weighs the priors
@@ -46,13 +47,17 @@ struct BundleView {
 // The unknowns, and what was seen: corner i of a view is point board_mm[i] of its board.
 struct Bundle {
   std::vector<Camera> cameras;
-  std::vector<Camera> known;             // where the priors pull, one for each camera
-  std::vector<bool> focal_known;         // whether its focal length was stated
-  std::vector<Rigid3> world_from_board;  // one for each pose
-  std::size_t fixed_pose = 0;            // defines the world frame
-  std::vector<Eigen::Vector3d> board_mm;
+  std::vector<Camera> known;              // where the priors pull, one for each camera
+  std::vector<bool> focal_known;          // whether its focal length was stated
+  std::vector<Rigid3> world_from_board;   // one for each pose
+  std::size_t fixed_pose = 0;             // defines the world frame
+  std::vector<Eigen::Vector3d> board_mm;  // flat
+  Eigen::Vector2d bow_mm{0, 0};           // how far the middle lies behind the edges, along columns and rows
   std::vector<BundleView> views;
 };
+
+// How far a bow of 1 mm along columns and along rows moves each point along the board's normal; mean zero.
+std::vector<Eigen::Vector2d> bow_shapes(std::span<const Eigen::Vector3d> board_mm);
 
 struct BundleSummary {
   bool converged = false;
@@ -64,20 +69,8 @@ struct BundleSummary {
 // modern synthesis", 2000): Levenberg-Marquardt with the board poses eliminated by Schur complement.
 BundleSummary solve_bundle(Bundle& bundle, const BundleOptions& options);
 
-// Residual of one corner, estimated minus measured, px.
-Eigen::Vector2d residual_px(const Bundle& bundle, const BundleView& view, std::size_t corner);
-
-// What the solution's normal matrix says about one camera, given the noise sigma of a corner coordinate.
-struct CameraSigma {
-  double focal_px = 0;
-  double position_mm = 0;   // root of the trace of the 3x3 covariance
-  double rotation_rad = 0;  // the same
-  double volume_px = 0;     // expected RMS error of the projections of the given points
-};
-
-// One for each camera, relative to the fixed board pose. Empty when the normal matrix is singular.
-std::vector<CameraSigma> camera_sigmas(const Bundle& bundle, const BundleOptions& options, double sigma_px,
-                                       std::span<const Eigen::Vector3d> volume_mm);
+// Estimated minus measured, of every corner of a view. (rows, cols)
+std::vector<Eigen::Vector2d> residuals_px(const Bundle& bundle, const BundleView& view);
 
 // Unknowns that the observations determine.
 int free_parameters(const Bundle& bundle, const BundleOptions& options);

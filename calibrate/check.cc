@@ -5,6 +5,7 @@
 #include <set>
 
 #include "calibrate/bundle.h"
+#include "calibrate/corner_order.h"
 #include "calibrate/median.h"
 #include "calibrate/start.h"
 
@@ -14,13 +15,25 @@ namespace {
 
 double rms_px(const Bundle& bundle, const BundleView& view) {
   double sum = 0;
-  for (std::size_t i = 0; i < view.corners_px.size(); ++i) sum += residual_px(bundle, view, i).squaredNorm();
+  for (const Eigen::Vector2d& r : residuals_px(bundle, view)) sum += r.squaredNorm();
   return std::sqrt(sum / static_cast<double>(view.corners_px.size()));
+}
+
+// The view in the order in which it fits best, of those in which the board looks the same.
+BundleView best_turned(const Bundle& bundle, const BundleView& view, const std::vector<BoardTurn>& turns) {
+  BundleView best = view;
+  for (const BoardTurn& turn : turns) {
+    BundleView turned = view;
+    turned.corners_px = reordered(view.corners_px, turn);
+    if (rms_px(bundle, turned) < rms_px(bundle, best)) best = std::move(turned);
+  }
+  return best;
 }
 
 // The pose, among those that each camera sees alone, with which most of the others agree best.
 std::optional<Rigid3> agreed_pose(Bundle& bundle, std::size_t pose, std::span<const Detection* const> seen,
                                   const BoardSpec& board) {
+  const std::vector<BoardTurn> turns = look_alike_turns(board);
   std::optional<Rigid3> best;
   double best_px = 0;
   for (const Detection* detection : seen) {
@@ -30,7 +43,7 @@ std::optional<Rigid3> agreed_pose(Bundle& bundle, std::size_t pose, std::span<co
     bundle.world_from_board[pose] = camera->camera_from_world.inverse() * alone->camera_from_board;
     std::vector<double> errors;
     for (const BundleView& view : bundle.views) {
-      if (view.pose == pose) errors.push_back(rms_px(bundle, view));
+      if (view.pose == pose) errors.push_back(rms_px(bundle, best_turned(bundle, view, turns)));
     }
     const double middle = median(std::move(errors));
     if (best && middle >= best_px) continue;
@@ -80,8 +93,8 @@ std::vector<CameraCheck> judge(const Bundle& bundle, const CheckOptions& options
   for (const BundleView& view : bundle.views) {
     CameraCheck& camera = cameras[view.camera];
     ++camera.images;
-    for (std::size_t i = 0; i < view.corners_px.size(); ++i, ++camera.corners) {
-      const Eigen::Vector2d r = residual_px(bundle, view, i);
+    for (const Eigen::Vector2d& r : residuals_px(bundle, view)) {
+      ++camera.corners;
       camera.mean_px += r;
       camera.rms_px += r.squaredNorm();
     }
@@ -125,6 +138,8 @@ Result<CheckReport> check(const Rig& rig, std::span<const Detection> detections,
     }
     if (const auto agreed = agreed_pose(bundle, at, seen, board)) {
       bundle.world_from_board[at] = *agreed;
+      for (BundleView& view : bundle.views)
+        if (view.pose == at) view = best_turned(bundle, view, look_alike_turns(board));
     } else {
       bundle.world_from_board.pop_back();
       std::erase_if(bundle.views, [&](const BundleView& view) { return view.pose == at; });

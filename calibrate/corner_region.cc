@@ -27,7 +27,8 @@ CornerRegion corner_region(const cv::Mat& bytes) {
     const auto* peak = highest.ptr<float>(y);
     for (int x = 0; x < saddle.cols; ++x) {
       if (value[x] < kLimit || value[x] < peak[x]) continue;
-      region.box = region.candidates++ == 0 ? cv::Rect(x, y, 1, 1) : region.box | cv::Rect(x, y, 1, 1);
+      region.box = region.points.empty() ? cv::Rect(x, y, 1, 1) : region.box | cv::Rect(x, y, 1, 1);
+      region.points.emplace_back(x, y);
     }
   }
   return region;

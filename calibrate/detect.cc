@@ -8,7 +8,9 @@
 #include <opencv2/imgproc.hpp>
 #include <thread>
 
+#include "calibrate/corner_order.h"
 #include "calibrate/corner_region.h"
+#include "calibrate/diagnosis.h"
 
 namespace flamefield {
 
@@ -87,6 +89,29 @@ double even_minus_odd(const CornerGrid& grid, const cv::Mat& bytes) {
   return sum[0] / std::max(1, count[0]) - sum[1] / std::max(1, count[1]);
 }
 
+void quarter_turn(const CornerGrid& grid) {
+  const std::vector<cv::Point2f> before = grid.points;
+  const int n = grid.board.cols;
+  for (int row = 0; row < n; ++row) {
+    for (int col = 0; col < n; ++col)
+      grid.at(row, col) = before[static_cast<std::size_t>((n - 1 - col) * n + row)];
+  }
+}
+
+// Of the ways in which a board looks the same, the one whose rows run most nearly down the image.
+void set_upright(const CornerGrid& grid) {
+  const std::vector<cv::Point2f> before = grid.points;
+  float best = -1e9f;
+  for (const BoardTurn& turn : look_alike_turns(grid.board)) {
+    const float down = before[turn.from.back()].y - before[turn.from.front()].y +
+                       before[turn.from[turn.from.size() - static_cast<std::size_t>(grid.board.cols)]].y -
+                       before[turn.from[static_cast<std::size_t>(grid.board.cols) - 1]].y;
+    if (down <= best) continue;
+    best = down;
+    for (std::size_t i = 0; i < before.size(); ++i) grid.points[i] = before[turn.from[i]];
+  }
+}
+
 // Puts the corners into the board's order; none when they cannot be that board's.
 bool normalise_order(const CornerGrid& grid, const cv::Mat& bytes) {
   if (is_mirrored(grid)) {
@@ -97,7 +122,11 @@ bool normalise_order(const CornerGrid& grid, const cv::Mat& bytes) {
     }
   }
   const double contrast = even_minus_odd(grid, bytes);
-  if (contrast > 0) std::reverse(grid.points.begin(), grid.points.end());  // turned by 180 degrees
+  const bool odd_square = grid.board.cols == grid.board.rows && grid.board.cols % 2 == 1;
+  if (contrast > 0 && odd_square) quarter_turn(grid);
+  if (contrast > 0 && (grid.board.cols + grid.board.rows) % 2 == 1)
+    std::reverse(grid.points.begin(), grid.points.end());  // turned by 180 degrees
+  set_upright(grid);
   return std::abs(contrast) > 10;
 }
 
@@ -133,16 +162,6 @@ std::vector<cv::Point2f> find_corners(const cv::Mat& bytes, const BoardSpec& boa
 
 }  // namespace
 
-Result<> validate_for_detection(const BoardSpec& board) {
-  if (auto ok = validate(board); !ok) return ok;
-  if ((board.cols + board.rows) % 2 == 0) {
-    return invalid_input(concat("board of ", board.cols, "x", board.rows, " inner corners"),
-                         "turned by 180 degrees it looks the same, so cameras could number it differently",
-                         "use a board with one odd and one even side, e.g. 9x6");
-  }
-  return {};
-}
-
 Detection detect_board(const BoardView& view, const BoardSpec& board) {
   Detection out{view.camera, view.pose, view.image.width_px, view.image.height_px, {}, {}};
   if (view.image.pixels.empty()) {
@@ -150,22 +169,20 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
     return out;
   }
   const Span span = grey_span(view.image);
-  if (!(span.high > span.low)) {
-    out.reason = "no contrast";
-    return out;
-  }
   // OpenCV only reads through this header.
   const cv::Mat grey(view.image.height_px, view.image.width_px, CV_32F,
                      const_cast<float*>(view.image.pixels.data()));
-  const cv::Mat bytes = to_bytes(grey, span);
-  const CornerRegion region = corner_region(bytes);
-  if (2 * region.candidates < static_cast<int>(board.corners())) {
-    out.reason = concat("board not found: ", region.candidates, " corner-like points");
+  if (!(span.high > span.low)) {
+    out.reason = exposure_fault(grey).value_or("no contrast");
     return out;
   }
-  std::vector<cv::Point2f> points = find_corners(bytes, board, with_rim(region.box, bytes.size()));
+  const cv::Mat bytes = to_bytes(grey, span);
+  const CornerRegion region = corner_region(bytes);
+  std::vector<cv::Point2f> points;
+  if (2 * region.candidates() >= static_cast<int>(board.corners()))
+    points = find_corners(bytes, board, with_rim(region.box, bytes.size()));
   if (points.size() != board.corners()) {
-    out.reason = "board not found: too slanted, blurred or cut off?";
+    out.reason = why_not_found(grey, bytes, region, board);
     return out;
   }
   const CornerGrid grid{board, points};
@@ -183,7 +200,7 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
 
 Result<std::vector<Detection>> detect(std::span<const BoardView> views, const BoardSpec& board,
                                       const DetectOptions& options) {
-  if (auto ok = validate_for_detection(board); !ok) return tl::unexpected(ok.error());
+  if (auto ok = validate(board); !ok) return tl::unexpected(ok.error());
   // One image per worker; OpenCV's own threads would only get in the way of ours.
   static std::once_flag once;
   std::call_once(once, [] { cv::setNumThreads(1); });

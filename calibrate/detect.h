@@ -35,13 +35,10 @@ struct DetectOptions {
   std::function<void(std::size_t done)> progress = {};  // called from the workers, one at a time
 };
 
-// InvalidInput unless one side of the board is even and the other odd: turned by 180 degrees, any other board
-// looks the same, and two cameras may then number its corners from opposite ends.
-Result<> validate_for_detection(const BoardSpec& board);
-
-// Finds all inner corners of the board in one image, in the board's order (see proto/board.h).
-// findChessboardCornersSB, then cornerSubPix with a half-window of 0.45 of the smallest corner spacing: a
-// window that reaches the next corner is off by pixels on slanted boards.
+// Finds all inner corners of the board in one image, in the board's order (see proto/board.h). Boards that
+// look the same when turned (see corner_order.h) are taken to stand upright; calibrate() finds out those that
+// do not. findChessboardCornersSB, then cornerSubPix with a half-window of 0.45 of the smallest corner
+// spacing: a window that reaches the next corner is off by pixels on slanted boards.
 Detection detect_board(const BoardView& view, const BoardSpec& board);
 
 // All views in parallel, in the order given; the same for any number of threads.

@@ -101,7 +101,9 @@ bool ReprojectionCost::Evaluate(double const* const* parameters, double* residua
                                 double** jacobians) const {
   const double* lens = parameters[0];
   const Eigen::Matrix3d camera_rotation = rotation_of(parameters[1]).toRotationMatrix();
-  const Eigen::Vector3d turned_board = rotation_of(parameters[2]) * board_mm_;
+  const Eigen::Matrix3d board_rotation = rotation_of(parameters[2]).toRotationMatrix();
+  const double lift_mm = bow_shape_.x() * parameters[3][0] + bow_shape_.y() * parameters[3][1];
+  const Eigen::Vector3d turned_board = board_rotation * (board_mm_ + Eigen::Vector3d(0, 0, lift_mm));
   const Eigen::Vector3d turned_world = camera_rotation * (turned_board + translation_of(parameters[2]));
   const Eigen::Vector3d p = turned_world + translation_of(parameters[1]);
   if (!(p.z() > 0)) return false;  // the step put the board behind the camera: not acceptable
@@ -133,6 +135,11 @@ bool ReprojectionCost::Evaluate(double const* const* parameters, double* residua
     const RowMajor<2, 3> by_world = by_point * camera_rotation;
     Eigen::Map<RowMajor<2, 7>> j(jacobians[2]);
     j << by_world * -cross_matrix(turned_board), by_world, Eigen::Vector2d::Zero();
+  }
+  if (jacobians[3] != nullptr) {
+    const Eigen::Vector2d by_lift = by_point * camera_rotation * board_rotation.col(2);
+    Eigen::Map<RowMajor<2, 2>> j(jacobians[3]);
+    j = by_lift * bow_shape_.transpose();
   }
   return true;
 }

@@ -33,15 +33,21 @@ class PoseManifold : public ceres::Manifold {
   bool MinusJacobian(const double* x, double* jacobian) const override;
 };
 
-// Pixel of a board point minus its measured pixel. Blocks: lens, camera_from_world, world_from_board.
-class ReprojectionCost : public ceres::SizedCostFunction<2, 9, 7, 7> {
+// Sagitta of the board along its columns and rows, mm.
+using BowBlock = std::array<double, 2>;
+
+// Pixel of a board point minus its measured pixel. Blocks: lens, camera_from_world, world_from_board, bow. A
+// bow lifts the point along the board's normal by bow . bow_shape.
+class ReprojectionCost : public ceres::SizedCostFunction<2, 9, 7, 7, 2> {
  public:
-  ReprojectionCost(const Eigen::Vector3d& board_mm, const Eigen::Vector2d& measured_px)
-      : board_mm_(board_mm), measured_px_(measured_px) {}
+  ReprojectionCost(const Eigen::Vector3d& board_mm, const Eigen::Vector2d& bow_shape,
+                   const Eigen::Vector2d& measured_px)
+      : board_mm_(board_mm), bow_shape_(bow_shape), measured_px_(measured_px) {}
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override;
 
  private:
   Eigen::Vector3d board_mm_;
+  Eigen::Vector2d bow_shape_;
   Eigen::Vector2d measured_px_;
 };
 

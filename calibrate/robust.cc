@@ -14,8 +14,7 @@ namespace {
 double robust_sigma_px(const Bundle& bundle) {
   std::vector<double> sizes;
   for (const BundleView& view : bundle.views) {
-    for (std::size_t i = 0; i < view.corners_px.size(); ++i) {
-      const Eigen::Vector2d r = residual_px(bundle, view, i);
+    for (const Eigen::Vector2d& r : residuals_px(bundle, view)) {
       sizes.push_back(std::abs(r.x()));
       sizes.push_back(std::abs(r.y()));
     }
@@ -28,8 +27,9 @@ double robust_sigma_px(const Bundle& bundle) {
 void reject_corners(Bundle& bundle, double limit_px) {
   for (BundleView& view : bundle.views) {
     std::size_t good = 0;
-    for (std::size_t i = 0; i < view.corners_px.size(); ++i) {
-      view.used[i] = residual_px(bundle, view, i).norm() <= limit_px;
+    const std::vector<Eigen::Vector2d> residuals = residuals_px(bundle, view);
+    for (std::size_t i = 0; i < residuals.size(); ++i) {
+      view.used[i] = residuals[i].norm() <= limit_px;
       good += view.used[i];
     }
     if (2 * good < view.used.size()) view.used.assign(view.used.size(), false);

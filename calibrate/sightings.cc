@@ -38,6 +38,17 @@ Result<> check_view(const Detection& view, const Detection& first_of_camera, con
   return {};
 }
 
+// An earlier view of the camera with the same corners to the last digit: noise makes that impossible.
+const Detection* find_copy(const Sightings& sightings, std::size_t camera, const Detection& detection) {
+  if (!detection.found()) return nullptr;
+  for (const Sightings::View& view : sightings.views) {
+    if (view.camera == camera && view.detection != &detection &&
+        view.detection->corners_px == detection.corners_px)
+      return view.detection;
+  }
+  return nullptr;
+}
+
 // Some pose is seen.
 Result<std::size_t> find_reference(const Sightings& sightings, const std::string& name) {
   const auto is_seen = [&](std::size_t pose) {
@@ -73,13 +84,25 @@ std::vector<const Detection*> Sightings::found_by(std::size_t camera) const {
   return found;
 }
 
+namespace {
+
+std::string commonest_reason(std::span<const Detection> detections) {
+  std::map<std::string, int> count;
+  for (const Detection& d : detections) ++count[d.reason];
+  const auto most = std::ranges::max_element(count, {}, [](const auto& entry) { return entry.second; });
+  return most == count.end() ? "" : concat("; ", most->second, " times: ", most->first);
+}
+
+}  // namespace
+
 Result<Sightings> sight(std::span<const Detection> detections, const BoardSpec& board,
-                        const std::string& reference_pose) {
+                        const CalibrationOptions& options) {
   Sightings out;
   std::map<std::string, std::size_t> camera_numbers, pose_numbers;
   std::map<std::size_t, const Detection*> first_of_camera;
   std::set<std::pair<std::size_t, std::size_t>> taken;
   std::set<std::size_t> seen_poses;
+  for (const std::string& camera : options.cameras) number_of(camera, out.cameras, camera_numbers);
   for (const Detection& detection : detections) {
     const std::size_t camera = number_of(detection.camera, out.cameras, camera_numbers);
     const std::size_t pose = number_of(detection.pose, out.poses, pose_numbers);
@@ -89,19 +112,26 @@ Result<Sightings> sight(std::span<const Detection> detections, const BoardSpec& 
     }
     const Detection& first = *first_of_camera.try_emplace(camera, &detection).first->second;
     if (auto ok = check_view(detection, first, board); !ok) return tl::unexpected(ok.error());
-    if (detection.found()) seen_poses.insert(pose);
     out.views.push_back({camera, pose, &detection});
+    if (const Detection* same = find_copy(out, camera, detection)) {
+      Detection& replaced = out.replaced.emplace_back(detection);
+      replaced.corners_px.clear();
+      replaced.reason = concat("same picture as ", same->pose);
+      out.views.back().detection = &replaced;
+    }
+    if (out.views.back().detection->found()) seen_poses.insert(pose);
   }
   if (seen_poses.empty()) {
-    return invalid_input(concat("no board in any of ", detections.size(), " images"),
-                         concat("looked for ", board.cols, "x", board.rows, " inner corners"),
-                         "check --board, focus and light");
+    return invalid_input(
+        concat("no board in any of ", detections.size(), " images"),
+        concat("looked for ", board.cols, "x", board.rows, " inner corners", commonest_reason(detections)),
+        "check --board, focus and light");
   }
   if (seen_poses.size() < 2) {
     return invalid_input("only one board pose was seen", "cameras and lenses need several orientations",
                          "take 20 poses or more");
   }
-  auto reference = find_reference(out, reference_pose);
+  auto reference = find_reference(out, options.reference_pose);
   if (!reference) return tl::unexpected(reference.error());
   out.reference = *reference;
   return out;

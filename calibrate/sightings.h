@@ -1,11 +1,12 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <span>
 #include <string>
 #include <vector>
 
-#include "calibrate/detect.h"
+#include "calibrate/calibrate.h"
 
 namespace flamefield {
 
@@ -20,6 +21,7 @@ struct Sightings {
   };
   std::vector<View> views;  // (detections)
   std::size_t reference = 0;
+  std::deque<Detection> replaced;  // that views point to instead of what was given
 
   // Views of one camera in which the board was found.
   std::vector<const Detection*> found_by(std::size_t camera) const;
@@ -27,6 +29,6 @@ struct Sightings {
 
 // Checks that a calibration can start. The detections must outlive the result. Errors as of calibrate().
 Result<Sightings> sight(std::span<const Detection> detections, const BoardSpec& board,
-                        const std::string& reference_pose);
+                        const CalibrationOptions& options);
 
 }  // namespace flamefield

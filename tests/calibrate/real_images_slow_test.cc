@@ -2,11 +2,16 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
+#include <fstream>
+#include <iomanip>
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
+#include <sstream>
 
 #include "calibrate/calibrate.h"
+#include "tests/support/scratch.h"
 
 namespace flamefield {
 namespace {
@@ -19,7 +24,9 @@ std::vector<BoardView> stereo_pairs() {
   for (const char* side : {"left", "right"}) {
     for (int k = 1; k <= 14; ++k) {
       const std::string number = std::to_string(100 + k).substr(1);
-      const cv::Mat read = cv::imread((kFolder / (side + number + ".jpg")).string(), cv::IMREAD_GRAYSCALE);
+      const std::filesystem::path file = kFolder / (side + number + ".jpg");
+      if (!std::filesystem::exists(file)) continue;
+      const cv::Mat read = cv::imread(file.string(), cv::IMREAD_GRAYSCALE);
       if (read.empty()) continue;
       Image image(read.cols, read.rows);
       cv::Mat target(read.rows, read.cols, CV_32F, image.pixels.data());
@@ -60,6 +67,50 @@ TEST(RealImages, TheStereoPairsOfOpenCvGiveTheBaselineThatOtherProgramsFind) {
   EXPECT_NEAR(baseline_mm, 83.17, 0.3);
   EXPECT_NEAR(left.fx_px, 533.6, 0.003 * 533.6);
   EXPECT_NEAR(right.fx_px, 537.4, 0.003 * 537.4);
+}
+
+// mrcal on the corners that we keep, with the same lens model and a flat board.
+TEST(RealImages, MrcalFindsTheSameResidualOnTheSameCorners) {
+  if (!std::filesystem::exists("/usr/bin/mrcal-calibrate-cameras")) GTEST_SKIP() << "mrcal is not installed";
+  const std::vector<BoardView> views = stereo_pairs();
+  if (views.size() < 26) GTEST_SKIP() << "no images in " << kFolder << ": install opencv-doc";
+  const BoardSpec board{9, 6, 25};
+  const auto detections = detect(views, board);
+  ASSERT_TRUE(detections);
+  const auto report = calibrate(
+      *detections, board, {.intrinsics = IntrinsicsMode::Free, .free_aspect = true, .free_tangential = true});
+  ASSERT_TRUE(report) << report.error().message;
+
+  const Scratch scratch;
+  std::ofstream corners(scratch / "corners.vnl");
+  corners << "# filename x y weight\n" << std::setprecision(17);
+  for (const ViewReport& view : report->views) {
+    ASSERT_TRUE(view.is_used());
+    for (std::size_t i = 0; i < view.corners_px.size(); ++i) {
+      const Eigen::Vector2d& p = view.corners_px[i];
+      corners << (kFolder / (view.camera + view.pose + ".jpg")).string() << ' ' << p.x() << ' ' << p.y()
+              << (view.used[i] ? " 1\n" : " -1\n");
+    }
+  }
+  corners.close();
+  const std::string folder = scratch.path().string();
+  const std::string command =
+      "cd '" + folder +
+      "' && mrcal-calibrate-cameras --corners-cache corners.vnl --corners-cache-has-weights --lensmodel "
+      "LENSMODEL_OPENCV4 "
+      "--focal 530 --object-spacing 0.025 --object-width-n 9 --object-height-n 6 --skip-outlier-rejection "
+      "--skip-calobject-warp-solve --skip-regularization --outdir . '" +
+      kFolder.string() + "/left[01]*.jpg' '" + kFolder.string() + "/right[01]*.jpg' > out 2>&1";
+  ASSERT_EQ(std::system(command.c_str()), 0) << std::ifstream(scratch / "out").rdbuf();
+  std::stringstream out;
+  out << std::ifstream(scratch / "out").rdbuf();
+  const std::string key = "RMS reprojection error:";
+  const auto at = out.str().find(key);
+  ASSERT_NE(at, std::string::npos) << out.str();
+  // mrcal's figure is per coordinate.
+  const double theirs = std::sqrt(2.0) * std::strtod(out.str().c_str() + at + key.size(), nullptr);
+  std::printf("mrcal %.4f px, ours %.4f px\n", theirs, report->rms_px);
+  EXPECT_NEAR(report->rms_px, theirs, 0.02 * theirs);
 }
 
 }  // namespace

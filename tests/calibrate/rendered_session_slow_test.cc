@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
 #include <cstdio>
 #include <ctime>
+#include <random>
 
 #include "acquire/simulator/board_scene.h"
 #include "calibrate/calibrate.h"
@@ -59,8 +61,56 @@ TEST(RenderedSession, GivesTheTrueRigWithinATenthOfAPixel) {
   std::printf("rms %.4f px, volume error %.4f px, worst %.4f px (%s), expected %.4f px\n", report->rms_px,
               error->mean_px, error->worst_px, error->worst_camera.c_str(),
               report->expected_volume_error.mean_px);
+  const auto aligned = volume_error_px(report->rig, truth, {}, Alignment::Rigid);
+  ASSERT_TRUE(aligned);
+  std::printf("clustering %.2f; without the world frame's share %.4f px, worst %.4f px\n", report->clustering,
+              aligned->mean_px, aligned->worst_px);
+  // What whole views have in common is in the expectation, too.
+  EXPECT_LT(error->mean_px, 2 * report->expected_volume_error.mean_px);
   EXPECT_LT(error->mean_px, 0.1);
   EXPECT_LT(error->worst_px, 0.2);
+}
+
+// Boards in random places up to 60 degrees off, sharp and blurred.
+TEST(RenderedBoards, AreFoundUpToSixtyDegreesWithinEightHundredthsOfAPixel) {
+  for (double blur_px : {0.4, 1.5}) {
+    std::mt19937_64 engine(9);
+    std::uniform_real_distribution<double> uniform(-1, 1);
+    const Camera camera = ring_with_tolerances({.cameras = 1}).cameras[0];
+    BoardScene scene;
+    scene.defocus_sigma_px = blur_px;
+    int shown = 0, found = 0, corners = 0;
+    double sum = 0, worst = 0;
+    while (shown < 120) {
+      const Rigid3 roll{Eigen::AngleAxisd(0.3 * uniform(engine), Eigen::Vector3d::UnitZ()).toRotationMatrix(),
+                        Eigen::Vector3d::Zero()};
+      const Rigid3 tilt{Eigen::AngleAxisd(0.4 * uniform(engine), Eigen::Vector3d::UnitX()).toRotationMatrix(),
+                        Eigen::Vector3d::Zero()};
+      const Rigid3 pose =
+          upright_board({20 * uniform(engine), 40 + 20 * uniform(engine), 20 * uniform(engine)},
+                        1.05 * uniform(engine)) *
+          tilt * roll;
+      const auto truth = true_corners(camera, pose, scene.board, 60);
+      // The outer squares have to be in the picture too.
+      if (!truth || !true_corners(camera, pose, {11, 8, scene.board.square_mm}, 60)) continue;
+      ++shown;
+      Image image = with_noise(render_board(camera, pose, scene), scene.full_scale_electrons,
+                               900 + static_cast<std::uint64_t>(shown));
+      const Detection detection = detect_board({"cam00", "pose", std::move(image)}, scene.board);
+      if (!detection.found()) continue;
+      ++found;
+      double of_view = 0;
+      for (std::size_t i = 0; i < truth->size(); ++i, ++corners)
+        of_view += ((*truth)[i] - detection.corners_px[i]).squaredNorm();
+      sum += of_view;
+      worst = std::max(worst, std::sqrt(of_view / static_cast<double>(truth->size())));
+    }
+    const double rms_px = std::sqrt(sum / corners);
+    std::printf("blur %.1f px: %d of %d found, corners %.4f px RMS, worst view %.4f px\n", blur_px, found,
+                shown, rms_px, worst);
+    EXPECT_GE(found, 0.95 * shown);
+    EXPECT_LE(rms_px, 0.08);
+  }
 }
 
 }  // namespace
