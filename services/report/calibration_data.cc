@@ -6,6 +6,7 @@ namespace flamefield {
 
 ReportCalibration report_calibration(const CalibrationReport& found) {
   ReportCalibration out;
+  out.session = std::make_shared<const CalibrationReport>(found);
   out.rig = found.rig;
   out.expected_error_mean_px = found.expected_volume_error.mean_px;
   out.expected_error_worst_px = found.expected_volume_error.worst_px;

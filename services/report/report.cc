@@ -49,6 +49,7 @@ Result<std::string> report_html(const ReportData& data) {
   add(field_plots_section(data));
   add(residual_section(data));
   add(calibration_section(data));
+  add(board_session_section(data));
   add(pulses_section(data));
   add(latency_section(data));
   add(receipt_section(data));

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <limits>
 #include <map>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -59,6 +60,8 @@ struct ReportField {
   std::vector<Step> history;
 };
 
+struct CalibrationReport;  // calibrate/calibrate.h
+
 struct ReportCalibration {
   Rig rig;                                 // as estimated, with its quality
   std::optional<Rig> true_rig;             // of a simulated array, same names
@@ -70,6 +73,7 @@ struct ReportCalibration {
   std::string expected_error_worst_camera = {};
   std::vector<std::vector<double>> rms_px;  // (cameras, poses); unknown where a camera did not see the board
   std::vector<float> residuals_px;          // x and y of every corner
+  std::shared_ptr<const CalibrationReport> session = {};  // the session behind it, picture by picture
 };
 
 // Pulses seen = frames stored + losses, by name.

@@ -14,6 +14,7 @@ std::string slices_section(const ReportData& data);
 Result<std::string> field_plots_section(const ReportData& data);
 Result<std::string> residual_section(const ReportData& data);
 Result<std::string> calibration_section(const ReportData& data);
+Result<std::string> board_session_section(const ReportData& data);
 Result<std::string> pulses_section(const ReportData& data);
 Result<std::string> latency_section(const ReportData& data);
 std::string receipt_section(const ReportData& data);
