@@ -8,6 +8,7 @@ namespace flamefield {
 
 Result<CalibrationReport> calibrate_session(const std::vector<FrameSet>& sets, const BoardSpec& board,
                                             const Rigid3& world_from_reference_board,
+                                            const std::vector<std::string>& cameras,
                                             const std::function<void(std::int64_t, std::int64_t)>& progress,
                                             std::stop_token stop) {
   std::vector<BoardView> views;
@@ -32,6 +33,7 @@ Result<CalibrationReport> calibrate_session(const std::vector<FrameSet>& sets, c
     progress(static_cast<std::int64_t>(detections.size()), static_cast<std::int64_t>(views.size()));
   }
   CalibrationOptions options;
+  options.cameras = cameras;
   options.reference_pose = "pose000";
   options.world_from_reference = world_from_reference_board;
   options.volume.centre_mm = world_from_reference_board.translation_mm;

@@ -154,8 +154,10 @@ Result<> Demo::calibrate_ring() {
   if (!id) return tl::unexpected(id.error());
   const auto sets = operator_->fetch(*id, options_.poses);
   if (!sets) return tl::unexpected(sets.error());
+  std::vector<std::string> cameras;
+  for (const Camera& camera : laboratory_->true_rig().cameras) cameras.push_back(camera.name);
   auto report = calibrate_session(*sets, laboratory_->board(), laboratory_->world_from_reference_board(),
-                                  stage("calibration session: find the corners"), stop_);
+                                  cameras, stage("calibration session: find the corners"), stop_);
   if (!report) return tl::unexpected(report.error());
   calibration_ = std::move(*report);
   summary_.calibration_rms_px = calibration_->rms_px;
