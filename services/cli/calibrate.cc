@@ -1,11 +1,13 @@
 #include "calibrate/calibrate.h"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <iostream>
 
 #include "services/cli/board_images.h"
 #include "services/cli/calibration_output.h"
 #include "services/cli/commands.h"
+#include "services/cli/detection_cache.h"
 #include "services/cli/options.h"
 #include "services/cli/progress.h"
 #include "services/store/file.h"
@@ -22,26 +24,30 @@ struct Options {
   double focal_px = 0;
   std::vector<double> reference_centre_mm = {0, 0, 0};
   double reference_azimuth_deg = 0;
-  std::filesystem::path known, rig, out, report;
-  bool json = false;
+  std::filesystem::path known, rig, out, report, cache;
+  std::vector<double> volume_mm = {60, 80};
+  std::vector<std::string> free;
+  bool board_bow = false, allow_loose = false, json = false;
 };
 
 std::vector<Detection> detect_all(const std::vector<BoardView>& views, const BoardSpec& board,
-                                  const Session& session) {
+                                  const std::filesystem::path& cache_file, const Session& session) {
   session.check_stop();
   ProgressBar progress("detecting");
   DetectOptions detection;
   detection.progress = [&](std::size_t done) {
     progress.update(static_cast<double>(done), static_cast<double>(views.size()));
   };
-  auto detections = or_fail(detect(views, board, detection));
+  DetectionCache cache = DetectionCache::read(cache_file);
+  auto detections = or_fail(cache.detect(views, board, detection));
   session.check_stop();
+  if (!cache_file.empty()) or_fail(cache.write(cache_file));
   return detections;
 }
 
 BoardSpec board_of(const Options& options) {
   const BoardSpec board = or_usage(board_from_text(options.board, options.square_mm));
-  or_usage(validate_for_detection(board));
+  or_usage(validate(board));
   return board;
 }
 
@@ -54,6 +60,16 @@ CalibrationOptions calibration_of(const Options& options) {
   calibration.intrinsics = options.intrinsics == "fixed"  ? IntrinsicsMode::Fixed
                            : options.intrinsics == "free" ? IntrinsicsMode::Free
                                                           : IntrinsicsMode::Prior;
+  calibration.volume.diameter_mm = options.volume_mm[0];
+  calibration.volume.height_mm = options.volume_mm[1];
+  const auto is_free = [&](const char* name) {
+    return std::ranges::find(options.free, name) != options.free.end();
+  };
+  calibration.free_aspect = is_free("aspect");
+  calibration.free_tangential = is_free("tangential");
+  calibration.free_k3 = is_free("k3");
+  calibration.free_bow = options.board_bow;
+  calibration.require_connected = !options.allow_loose;
   if (options.focal_px > 0) calibration.focal_px = options.focal_px;
   if (!options.known.empty()) calibration.known = or_fail(read_rig(options.known)).cameras;
   return calibration;
@@ -68,7 +84,7 @@ void solve(const Options& options, const Session& session) {
     std::filesystem::create_directories(options.report, ignored);
     or_fail(check_writable(options.report / "report.html"));
   }
-  const auto detections = detect_all(read_board_views(options.images), board, session);
+  const auto detections = detect_all(read_board_views(options.images), board, options.cache, session);
   const CalibrationReport report = or_fail(calibrate(detections, board, calibration));
   session.check_stop();
   or_fail(write_rig(options.out, report.rig));
@@ -84,7 +100,7 @@ void solve(const Options& options, const Session& session) {
 void check_ring(const Options& options, const Session& session) {
   const BoardSpec board = board_of(options);
   const Rig rig = or_fail(read_rig(options.rig));
-  const auto detections = detect_all(read_board_views(options.images, &rig), board, session);
+  const auto detections = detect_all(read_board_views(options.images, &rig), board, options.cache, session);
   const CheckReport report = or_fail(check(rig, detections, board));
   if (options.json) {
     std::cout << json_text(report);
@@ -106,6 +122,8 @@ void add_board(CLI::App& command, Options& options, const std::string& what) {
   command.add_option("--board-type", options.board_type, "Kind of board")
       ->check(CLI::IsMember({"checkerboard"}))
       ->capture_default_str();
+  command.add_option("--cache", options.cache,
+                     "File that keeps the corners found, so that no picture is searched twice");
   command.add_flag("--json", options.json, "Print the result as JSON");
 }
 
@@ -127,6 +145,19 @@ void add_calibrate(CLI::App& app, Session& session) {
   command->add_option("--focal-px", options->focal_px, "Nominal focal length of every camera")
       ->check(CLI::PositiveNumber);
   command->add_option("--known", options->known, "Rig with known lenses, for --intrinsics fixed or prior");
+  command
+      ->add_option("--free", options->free,
+                   "More of each lens to estimate than f, centre, k1, k2: aspect, tangential (p1 p2), k3")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"aspect", "tangential", "k3"}));
+  command->add_flag("--board-bow", options->board_bow, "Estimate how far the board is bent");
+  command->add_flag("--allow-loose", options->allow_loose,
+                    "Calibrate the cameras that hang together where others cannot be tied to them");
+  command->add_option("--volume-mm", options->volume_mm, "Measuring volume: diameter,height of a cylinder")
+      ->delimiter(',')
+      ->expected(2)
+      ->check(CLI::PositiveNumber)
+      ->capture_default_str();
   command->add_option("--reference", options->reference,
                       "Pose of the board on the burner. Default: the first");
   command->add_option("--reference-centre-mm", options->reference_centre_mm, "Where its middle is: X,Y,Z")

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <ctime>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -36,6 +37,29 @@ nlohmann::json json_of(const Camera& camera, const CameraQuality& q) {
             {"rotation_rad", q.rotation_sigma_rad}}}};
 }
 
+nlohmann::json views_json(const CalibrationReport& report) {
+  nlohmann::json views = nlohmann::json::array();
+  for (const ViewReport& view : report.views) {
+    nlohmann::json out = {{"camera", view.camera}, {"pose", view.pose}, {"used", view.is_used()}};
+    if (view.is_used()) {
+      out["rms_px"] = view.rms_px;
+      out["rejected"] = view.rejected;
+      if (view.turned) out["turned"] = true;
+    } else {
+      out["reason"] = view.reason;
+    }
+    views.push_back(out);
+  }
+  return views;
+}
+
+nlohmann::json links_json(const CalibrationReport& report) {
+  nlohmann::json links = nlohmann::json::array();
+  for (const MissingLink& link : report.missing_links)
+    links.push_back({{"connected", link.connected}, {"loose", link.loose}});
+  return links;
+}
+
 std::string split_half_text(const CalibrationReport& report) {
   if (!report.split_half) return "none (too few poses)";
   return fmt::format("{:.4f} deg, {:.3f} mm, {:.3f} px in the volume",
@@ -59,7 +83,15 @@ std::string json_text(const CalibrationReport& report) {
                          {"pairs", pairs},
                          {"connected", report.connected},
                          {"unconnected", report.unconnected},
+                         {"missing_links", links_json(report)},
+                         {"turned_views", report.turned_views},
+                         {"pictures", views_json(report)},
                          {"volume_error_px", json_of(report.expected_volume_error)},
+                         {"volume_error_mm", report.expected_volume_error_mm},
+                         {"verdict", name_of(verdict_of(report.expected_volume_error))},
+                         {"clustering", report.clustering},
+                         {"coverage", {{"image", report.coverage.image}, {"volume", report.coverage.volume}}},
+                         {"board_bow_mm", {report.bow_mm.x(), report.bow_mm.y()}},
                          {"converged", report.converged},
                          {"wall_s", report.seconds},
                          {"split_half", nullptr}};
@@ -95,6 +127,19 @@ void print(const CalibrationReport& report, const std::filesystem::path& rig) {
     const CameraQuality& q = report.rig.quality->cameras[i];
     fmt::print("{:<12} {:>7} {:>8} {:>9} {:>8.3f} {:>9.1f}\n", report.rig.cameras[i].name, q.images,
                q.corners, q.rejected_corners, q.rms_px, report.rig.cameras[i].fx_px);
+  }
+  std::map<std::string, int> reasons;
+  for (const ViewReport& view : report.views)
+    if (!view.is_used()) ++reasons[view.reason.substr(0, view.reason.find_first_of(":("))];
+  for (const auto& [reason, count] : reasons)
+    fmt::print("{} of {} images: {}\n", count, report.views.size(), reason);
+  if (report.turned_views > 0)
+    fmt::print("{} images renumbered: the board looks the same from its other end\n", report.turned_views);
+  for (const MissingLink& link : report.missing_links)
+    fmt::print("not connected: show the board to {} and {} at once\n", link.connected, link.loose);
+  if (report.bow_sigma_mm.norm() > 0) {
+    fmt::print("board bow {:.3f} +- {:.3f} mm along columns, {:.3f} +- {:.3f} mm along rows\n",
+               report.bow_mm.x(), report.bow_sigma_mm.x(), report.bow_mm.y(), report.bow_sigma_mm.y());
   }
   const VolumeError& error = report.expected_volume_error;
   fmt::print("{}: RMS {:.3f} px, expected error in the volume {:.3f} px, worst {:.3f} px ({}): {}\n",

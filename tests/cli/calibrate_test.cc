@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <chrono>
+#include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
 #include "acquire/simulator/board_scene.h"
@@ -94,9 +96,46 @@ TEST_F(CalibrationSession, IsReportedOnOnePageThatNeedsNothingElse) {
   EXPECT_EQ(*read_text_file(at("report/calibration.json")), solved_.out);
   const std::string page = *read_text_file(at("report/report.html"));
   for (const char* part : {"Calibration of the ring", "5 cameras, 10 board poses", "<svg", "cam04",
+                           "What the calibration is worth", "Worst camera", "Off even spacing", "Pictures",
                            "Expected error in the measuring volume", "flamefield calibrate solve boards"})
     EXPECT_THAT(page, HasSubstr(part));
   for (const char* part : {"src=\"http", "href=\"http", "<script"}) EXPECT_THAT(page, Not(HasSubstr(part)));
+}
+
+TEST_F(CalibrationSession, SearchesNoPictureTwiceWithACache) {
+  const auto solve = [&] {
+    const auto start = std::chrono::steady_clock::now();
+    const ProgramResult result =
+        run(concat("calibrate solve boards", kBoard, " --cache corners.json --out cached.yaml"));
+    EXPECT_EQ(result.exit_code, 0) << result.err;
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  const double first_s = solve(), second_s = solve();
+  std::printf("solve %.2f s, with all corners cached %.2f s\n", first_s, second_s);
+  EXPECT_EQ(*read_text_file(at("cached.yaml")), *read_text_file(at("rig.yaml")));
+  overwrite(at("corners.json"), "{ damaged");
+  solve();
+  EXPECT_THAT(*read_text_file(at("corners.json")), HasSubstr("flamefield-detections-1"));
+}
+
+TEST_F(CalibrationSession, ReadsSixteenBitAndColourPictures) {
+  for (const Camera& camera : truth_->cameras) {
+    std::filesystem::create_directories(at("deep") / camera.name);
+    for (std::size_t k = 0; k < poses_->size(); ++k) {
+      std::vector<std::uint8_t> levels = picture(camera, (*poses_)[k]);
+      const cv::Mat grey(camera.image_height_px, camera.image_width_px, CV_8U, levels.data());
+      cv::Mat deep, merged;
+      grey.convertTo(deep, CV_16U, 200);
+      cv::merge(std::vector<cv::Mat>{grey, grey, grey}, merged);
+      const std::string path = (at("deep") / camera.name / concat("pose", 100 + k, ".png")).string();
+      cv::imwrite(path, k % 2 == 0 ? deep : merged);
+    }
+  }
+  const ProgramResult result = run(concat("calibrate solve deep", kBoard, " --out deep.yaml"));
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const auto deep = read_rig(at("deep.yaml")), rig = read_rig(at("rig.yaml"));
+  ASSERT_TRUE(deep && rig);
+  EXPECT_LT(volume_error_px(*deep, *rig, {})->worst_px, 0.02);
 }
 
 TEST_F(CalibrationSession, ReadsTheSameRigFromARecordedSession) {
@@ -156,7 +195,14 @@ TEST_F(CalibrationSession, RefusesWhatItCannotUse) {
     EXPECT_FALSE(std::filesystem::exists(at("bad.yaml"))) << arguments;
   };
   expect_refused(concat("solve nowhere", kBoard, " --out bad.yaml"), 1, "nowhere");
-  expect_refused("solve boards --board 9x9 --square-mm 12 --out bad.yaml", 2, "9x9");
+  expect_refused("solve boards --board 2x9 --square-mm 12 --out bad.yaml", 2, "2x9");
+  expect_refused("solve boards --board 11x8 --square-mm 12 --out bad.yaml", 1,
+                 "only 9x6 of 11x8 inner corners");
+  expect_refused("solve boards --board 9x5 --square-mm 12 --out bad.yaml", 1,
+                 "another board: 9x6 inner corners instead of 9x5");
+  std::filesystem::create_directories(at("damaged/cam00"));
+  overwrite(at("damaged/cam00/pose1.png"), "not a picture");
+  expect_refused(concat("solve damaged", kBoard, " --out bad.yaml"), 1, "damaged/cam00/pose1.png");
   expect_refused("solve boards --board 9x6 --out bad.yaml", 2, "--square-mm");
   expect_refused(concat("solve boards", kBoard, " --out nowhere/bad.yaml"), 1, "nowhere/bad.yaml");
   expect_refused(concat("solve boards", kBoard, " --out bad.yaml --report rig.yaml/x"), 1, "rig.yaml/x");
