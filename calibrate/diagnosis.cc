@@ -42,7 +42,11 @@ double noise_of(const cv::Mat& grey) {
 }
 
 // The board that is really there, if the detector finds a complete one of any size.
-std::optional<std::string> other_board(const cv::Mat& bytes, const BoardSpec& board) {
+struct OtherBoard {
+  bool is_part = false;  // of the board that was looked for
+  std::string text;
+};
+std::optional<OtherBoard> other_board(const cv::Mat& bytes, const BoardSpec& board) {
   std::vector<cv::Point2f> points;
   cv::Mat meta;
   try {
@@ -56,8 +60,10 @@ std::optional<std::string> other_board(const cv::Mat& bytes, const BoardSpec& bo
   if (shorter < 3 || (longer == wanted && shorter == narrow)) return std::nullopt;
   // A part of the board itself may be all that is seen.
   if (longer <= wanted && shorter <= narrow)
-    return concat("only ", longer, "x", shorter, " of ", wanted, "x", narrow, " inner corners are seen");
-  return concat("another board: ", longer, "x", shorter, " inner corners instead of ", wanted, "x", narrow);
+    return OtherBoard{
+        true, concat("only ", longer, "x", shorter, " of ", wanted, "x", narrow, " inner corners are seen")};
+  return OtherBoard{false, concat("another board: ", longer, "x", shorter, " inner corners instead of ",
+                                  wanted, "x", narrow)};
 }
 
 // Grid vectors at each point: to its nearest neighbour, and to the nearest in another direction. Under weak
@@ -86,15 +92,18 @@ std::optional<double> obliquity_deg(const std::vector<cv::Point>& points) {
 
 std::optional<std::string> edge_touched(const cv::Rect& box, const cv::Size& image, double margin_px) {
   std::string edges;
+  int count = 0;
   const auto add = [&](bool touches, const char* name) {
-    if (touches) edges += concat(edges.empty() ? "" : " and ", name);
+    if (!touches) return;
+    edges += concat(edges.empty() ? "" : " and ", name);
+    ++count;
   };
   add(box.x < margin_px, "left");
   add(box.y < margin_px, "upper");
   add(box.br().x > image.width - margin_px, "right");
   add(box.br().y > image.height - margin_px, "lower");
-  if (edges.empty()) return std::nullopt;
-  return concat("cut off at the ", edges, " edge of the image");
+  if (count == 0 || count > 2) return std::nullopt;  // points all over the image are a cluttered room
+  return concat("cut off at the ", edges, count == 1 ? " edge" : " edges", " of the image");
 }
 
 // A board out of focus has its corners only where the picture is reduced.
@@ -141,11 +150,14 @@ std::string why_not_found(const cv::Mat& grey, const cv::Mat& bytes, const Corne
   if (region.candidates() < few) return concat("no board: ", region.candidates(), " corner-like points");
   const double angle = obliquity_deg(region.points).value_or(0);
   const double pitch_px = std::sqrt(region.box.area() / static_cast<double>(board.corners()));
-  if (angle < 62) {
+  if (angle >= 62) return concat("too oblique: turned by about ", std::lround(angle), " degrees");
+  const auto seen = other_board(bytes, board);
+  if (seen && seen->is_part) {
+    // Where the rest is missing at the edge of the image, that is the reason.
     if (const auto edge = edge_touched(region.box, bytes.size(), 0.8 * pitch_px)) return *edge;
   }
-  if (angle >= 62) return concat("too oblique: turned by about ", std::lround(angle), " degrees");
-  if (const auto other = other_board(bytes, board)) return *other;
+  if (seen) return seen->text;
+  if (const auto edge = edge_touched(region.box, bytes.size(), 0.8 * pitch_px)) return *edge;
   return concat("board not found among ", region.candidates(), " corner-like points");
 }
 

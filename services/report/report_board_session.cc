@@ -269,7 +269,7 @@ Result<std::string> board_session_section(const ReportData& data) {
                              factor, " times too long. Order here means that the lens model falls short."));
   if (!r.volume_map_px.empty()) {
     const Plot map = volume_plot(r);
-    const auto svg = svg_of(map, "volume-error");
+    const auto svg = svg_of(map, "volume_error");
     if (!svg) return tl::unexpected(svg.error());
     plots += figure(
         *svg, concat("Expected error around the surface of the measuring volume, RMS over the cameras, from "
