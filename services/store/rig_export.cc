@@ -41,8 +41,9 @@ Result<> export_colmap(const std::filesystem::path& folder, const Rig& rig) {
     if (d[4] != 0) cameras << ' ' << d[4] << " 0 0 0";
     cameras << '\n';
     const Eigen::Quaterniond q(c.camera_from_world.rotation);
-    images << i + 1 << ' ' << q.w() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' '
-           << c.camera_from_world.translation_mm.transpose() << ' ' << i + 1 << ' ' << c.name << "\n\n";
+    const Eigen::Vector3d& t = c.camera_from_world.translation_mm;  // COLMAP wants single spaces
+    images << i + 1 << ' ' << q.w() << ' ' << q.x() << ' ' << q.y() << ' ' << q.z() << ' ' << t.x() << ' '
+           << t.y() << ' ' << t.z() << ' ' << i + 1 << ' ' << c.name << "\n\n";
   }
   if (auto ok = make_folder(folder); !ok) return ok;
   if (auto ok = write_text_file(folder / "cameras.txt", cameras.str()); !ok) return ok;

@@ -50,8 +50,7 @@ TEST(Diagnosis, ABoardThatLeavesTheImageIsCutOffAtThatEdge) {
 }
 
 TEST(Diagnosis, AnUnderexposedBoardIsTooDark) {
-  for (double exposure : {0.002, 0.003})
-    EXPECT_THAT(reason(picture(facing(10), 0.7, exposure)), HasSubstr("too dark")) << exposure;
+  EXPECT_THAT(reason(picture(facing(10), 0.7, 0.002)), HasSubstr("too dark"));
 }
 
 TEST(Diagnosis, ASaturatedBoardIsOverexposed) {

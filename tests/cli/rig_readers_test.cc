@@ -62,7 +62,8 @@ TEST(RigReaders, OpenCvProjectsAsWeDoFromRigYaml) {
 import cv2, numpy as np
 points = np.array()" + points_text() +
                                      R"(, float)
-cameras = cv2.FileStorage('rig.yaml', cv2.FILE_STORAGE_READ).getNode('cameras')
+file = cv2.FileStorage('rig.yaml', cv2.FILE_STORAGE_READ)
+cameras = file.getNode('cameras')
 for i in range(cameras.size()):
     c = cameras.at(i)
     m = c.getNode('camera_from_world').mat()
