@@ -242,10 +242,11 @@ std::string ring_table(const CalibrationReport& r) {
     const Camera& camera = r.rig.cameras[k];
     const double error = k < r.camera_volume_px.size() ? r.camera_volume_px[k] : kUnknown;
     const double even = mean_phi + step * (static_cast<double>(k) - mean_k);
+    const double off = std::round(1e4 * (azimuth[k] - even)) / 1e4;
     rows.push_back({escaped(camera.name),
                     concat(number(error), " ", chip(verdict_of({error, error, camera.name}))),
                     k < r.coverage.image.size() ? percent(r.coverage.image[k]) : "–", number(azimuth[k], 4),
-                    number(azimuth[k] - even, 2), number(radius[k], 4), number(camera.centre_mm().y(), 3)});
+                    number(off, 2), number(radius[k], 4), number(camera.centre_mm().y(), 3)});
   }
   return concat("<p class=\"why\">Even spacing: ", number(std::abs(step), 4), "° between neighbours.</p>",
                 table(rows, "numbers"));
