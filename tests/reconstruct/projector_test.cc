@@ -156,6 +156,33 @@ double distance_from_ray_tracer(const Rig& rig, bool area) {
   return distance;
 }
 
+// Long columns: the volume is worked on in slabs of planes and tiles of columns, whose borders nobody must
+// see.
+TEST(Projector, TilesOfALargeVolumeFitTogether) {
+  const Grid grid = centred_grid(70, 500, 68, 1);
+  const Rig rig = *make_ring(
+      {.views = 3, .spacing_rad = 0.9, .radius_mm = 3000, .image_width_px = 80, .image_height_px = 480},
+      grid);
+  Team team(2);
+  const Projector projector = *Projector::make(rig, grid, {}, team);
+  const Layout& layout = projector.layout();
+  const auto x = layout.pack_volume(random_values(grid.voxels(), 1));
+  std::vector<float> ax(layout.pixels()), aty(layout.voxels());
+  const auto y = layout.pack_images(random_values(3 * 80 * 480, 2));
+  projector.forward(team, x, ax);
+  projector.adjoint(team, y, aty);
+  EXPECT_NEAR(dot(ax, y) / dot(x, aty), 1, 1e-5);
+  const auto plain_y = layout.unpack_images(y), plain_aty = layout.unpack_volume(aty);
+  std::vector<ColumnEntry> column;
+  for (std::size_t voxel = 0; voxel < grid.voxels(); voxel += 97) {
+    projector.column(voxel, column);
+    double sum = 0;
+    for (const ColumnEntry& e : column)
+      sum += static_cast<double>(e.weight) * static_cast<double>(plain_y[e.pixel]);
+    ASSERT_NEAR(plain_aty[voxel], sum, 1e-3) << voxel;
+  }
+}
+
 TEST(Projector, LevelCamerasAgreeWithTheRayTracerOnAFlame) {
   const Rig rig = *make_ring({}, centred_grid(52, 55, 52, 1.32));
   EXPECT_LT(distance_from_ray_tracer(rig, true), 0.005);
