@@ -43,6 +43,12 @@ zmq::message_t zero_copy(const Bytes& bytes) {
       [](void*, void* hint) { delete static_cast<Bytes*>(hint); }, reference);
 }
 
+zmq::message_t message_of(const std::string& header) {
+  zmq::message_t out(header);
+  hand_over(out.data());
+  return out;
+}
+
 Bytes copy_of(const zmq::message_t& part) {
   const auto* first = part.data<std::byte>();
   take_over(first);
@@ -131,7 +137,7 @@ bool Socket::send(const std::string& peer, const Message& message, std::uint64_t
   try {
     // Only the first part can be refused: ZeroMQ takes a message as a whole.
     if (is_router_ && !socket_.send(zmq::buffer(peer), flags(true))) return false;
-    if (!socket_.send(zmq::buffer(header), flags(frames > 0))) return false;
+    if (!socket_.send(message_of(header), flags(frames > 0))) return false;
     for (std::size_t i = 0; i < frames; ++i) {
       if (!socket_.send(zero_copy(set->frames[i].bytes), flags(i + 1 < frames))) return false;
     }
@@ -168,6 +174,7 @@ std::optional<Delivery> Socket::receive(std::chrono::milliseconds timeout) {
     return delivery;
   }
   zmq::message_t& header = parts[next++];
+  take_over(header.data());
   delivery.role = role_of(header);
   auto envelope = decode(std::span(header.data<std::byte>(), header.size()));
   if (!envelope) {
