@@ -26,7 +26,7 @@ KernelScratch& scratch_for(const StripShape& shape) {
   return scratch;
 }
 
-// Pixel columns of a run, ordered by where they meet the planes, that meet `low` to `high` somewhere.
+// The run from its first to its last pixel column that meets what is asked for.
 template <class Meets>
 LevelView::Run narrowed(LevelView::Run run, const Meets& meets) {
   while (run.begin < run.end && !meets(run.begin)) ++run.begin;

@@ -11,14 +11,6 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-struct Session {
-  Rig truth;
-  std::vector<Rigid3> poses;
-  BoardSpec board;
-  std::vector<Detection> detections;
-  CalibrationOptions options;
-};
-
 Session session_with(int cameras, int poses, double noise_px, std::uint64_t seed) {
   Session out;
   out.truth = ring_with_tolerances({.cameras = cameras, .seed = seed});

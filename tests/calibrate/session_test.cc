@@ -12,14 +12,6 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-struct Session {
-  Rig truth;
-  std::vector<Rigid3> poses;
-  BoardSpec board;
-  std::vector<Detection> detections;
-  CalibrationOptions options;
-};
-
 Session session_with(int cameras, int poses, const BoardSpec& board, std::uint64_t seed) {
   Session out;
   out.board = board;

@@ -9,10 +9,20 @@
 #include <vector>
 
 #include "acquire/simulator/true_rig.h"
+#include "calibrate/calibrate.h"
 #include "calibrate/detect.h"
 #include "proto/image.h"
 
 namespace flamefield {
+
+// A calibration session whose truth is known.
+struct Session {
+  Rig truth;
+  std::vector<Rigid3> poses;
+  BoardSpec board;
+  std::vector<Detection> detections;
+  CalibrationOptions options;
+};
 
 inline std::string pose_name(std::size_t k) {
   return "pose" + std::to_string(100 + k).substr(1);
