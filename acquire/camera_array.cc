@@ -71,6 +71,7 @@ Result<std::unique_ptr<CameraArray>> CameraArray::open(const std::vector<CameraA
 CameraArray::~CameraArray() {
   if (is_capturing_) stop();
   for (const auto& camera : cameras_) camera->begin_close();  // each may take seconds, all at the same time
+  cameras_.clear();  // until then their threads push into what would be destroyed before them
 }
 
 Result<> CameraArray::apply(const CameraSettings& settings) {

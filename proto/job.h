@@ -9,6 +9,7 @@
 #include "proto/frame.h"
 #include "proto/recipe.h"
 #include "proto/rig.h"
+#include "proto/solve_history.h"
 #include "proto/volume.h"
 
 namespace flamefield {
@@ -76,6 +77,8 @@ struct RunTimings {
   double write_s = 0;
 };
 
+inline constexpr std::size_t kRunHistory = 60;
+
 // The record of one finished volume.
 struct Run {
   std::string id;
@@ -97,6 +100,7 @@ struct Run {
   std::map<std::string, double> residual_per_view;  // by camera
   std::map<std::string, double> metrics;            // e.g. pearson_3d against a known truth
   std::vector<std::string> provenance;              // one line per preparation step
+  std::vector<HistoryPoint> history;                // of the solve, at most kRunHistory points
   RunTimings timings;
   std::int64_t started_time_ns = 0, finished_time_ns = 0;  // UTC
 };

@@ -78,10 +78,10 @@ std::span<const Solver> solvers() {
             FdkOptions{}, fdk_fields, solve_fdk, false),
       entry("ert",
             "evolutionary reconstruction: genetic operators at Metropolis-drawn voxels (Energies 12, 2019)",
-            ErtOptions{}, ert_fields, solve_ert, false),
+            ErtOptions{}, ert_fields, solve_ert),
       entry("ert-memetic",
             "evolution with algebraic sweeps as one more genetic operator (Yang et al., hybrid)",
-            MemeticOptions{}, memetic_fields, solve_memetic, false),
+            MemeticOptions{}, memetic_fields, solve_memetic),
   };
   return list;
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <functional>
 #include <stop_token>
@@ -11,6 +10,7 @@
 #include "proto/image.h"
 #include "proto/recipe.h"
 #include "proto/rig.h"
+#include "proto/solve_history.h"
 #include "proto/volume.h"
 #include "reconstruct/projector.h"
 #include "reconstruct/settings.h"
@@ -54,16 +54,6 @@ enum class StopReason {
   Converged
 };
 std::string_view name_of(StopReason reason);
-
-struct HistoryPoint {
-  int iteration = 0;
-  double residual = 0;
-  double elapsed_s = 0;
-  // Evolutionary solvers only: 1 - Z (paper), and the share of offspring since the last point that were
-  // better than the best, by operator: creep, mutation, annihilation, filter, crossover.
-  double fitness = 0;
-  std::array<float, 5> operator_success = {};
-};
 
 struct Reconstruction {
   Volume volume;             // physical units: field unit as in the projections

@@ -36,6 +36,26 @@ void read(const v1::Progress& wire, Progress& progress, Check& check) {
   check.finite(progress.elapsed_s, "elapsed_s");
 }
 
+void write(const HistoryPoint& point, v1::HistoryPoint* wire) {
+  wire->set_iteration(point.iteration);
+  wire->set_residual(point.residual);
+  wire->set_elapsed_s(point.elapsed_s);
+  if (point.fitness == 0) return;  // only evolution has one, and operators
+  wire->set_fitness(point.fitness);
+  for (const float share : point.operator_success) wire->add_operator_success(share);
+}
+
+void read(const v1::HistoryPoint& wire, HistoryPoint& point, Check& check) {
+  point = {wire.iteration(), wire.residual(), wire.elapsed_s(), wire.fitness(), {}};
+  for (const double v : {point.residual, point.elapsed_s, point.fitness}) check.finite(v, "history");
+  const auto operators =
+      std::min(point.operator_success.size(), static_cast<std::size_t>(wire.operator_success_size()));
+  for (std::size_t i = 0; i < operators; ++i) {
+    point.operator_success[i] = wire.operator_success(static_cast<int>(i));
+    check.finite(static_cast<double>(point.operator_success[i]), "operator success");
+  }
+}
+
 void write(const Run& run, v1::Run* wire) {
   wire->set_id(run.id);
   wire->set_job_id(run.job_id);
@@ -57,6 +77,7 @@ void write(const Run& run, v1::Run* wire) {
     (*wire->mutable_residual_per_view())[camera] = value;
   for (const auto& [key, value] : run.metrics) (*wire->mutable_metrics())[key] = value;
   write_all(run.provenance, wire->mutable_provenance());
+  write_all(run.history, wire->mutable_history());
   wire->set_queue_s(run.timings.queue_s);
   wire->set_fetch_s(run.timings.fetch_s);
   wire->set_prepare_s(run.timings.prepare_s);
@@ -88,6 +109,7 @@ void read(const v1::Run& wire, Run& run, Check& check) {
   read_numbers(wire.residual_per_view(), run.residual_per_view, "residual per view", check);
   read_numbers(wire.metrics(), run.metrics, "metrics", check);
   run.provenance.assign(wire.provenance().begin(), wire.provenance().end());
+  read_all(wire.history(), run.history, check);
   run.timings = {wire.queue_s(), wire.fetch_s(), wire.prepare_s(), wire.solve_s(), wire.write_s()};
   run.started_time_ns = wire.started_time_ns();
   run.finished_time_ns = wire.finished_time_ns();

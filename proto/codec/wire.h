@@ -89,6 +89,8 @@ void read_priority(const std::string& text, Priority& priority, Check& check);
 // runs.cc
 void write(const Progress& progress, v1::Progress* wire);
 void read(const v1::Progress& wire, Progress& progress, Check& check);
+void write(const HistoryPoint& point, v1::HistoryPoint* wire);
+void read(const v1::HistoryPoint& wire, HistoryPoint& point, Check& check);
 void write(const Run& run, v1::Run* wire);
 void read(const v1::Run& wire, Run& run, Check& check);
 

@@ -59,14 +59,16 @@ std::vector<SettingField> ert_fields(ErtOptions& o) {
 
 namespace {
 
+constexpr float kHeadroom = 2;
+
 // What a voxel value of 1 stands for: chromosomes live in [0, 1], so it must be above the brightest voxel. A
 // few iterations of OSEM tell its order of magnitude; thin fronts come out too dim by then.
 float largest_voxel(const Problem& problem) {
-  constexpr float kHeadroom = 2;
   const SolveControl quiet{.threads = problem.control.threads, .stop = problem.control.stop};
   const Solution rough = solve_mlem({problem.projector, problem.images, quiet, problem.team},
                                     {.max_iterations = 6, .subsets = 5, .smoothing = 0.1});
-  return kHeadroom * *std::ranges::max_element(rough.volume);
+  const float warm = problem.start.empty() ? 0 : *std::ranges::max_element(problem.start);
+  return kHeadroom * std::max(warm, *std::ranges::max_element(rough.volume));
 }
 
 Result<Solution> solve_once(const Problem& problem, const ErtOptions& options) {
@@ -93,6 +95,10 @@ Result<Solution> solve_once(const Problem& problem, const ErtOptions& options) {
   }
   if (!problem.control.resume.empty()) {
     if (auto ok = evolution.resume(problem.control.resume); !ok) return tl::unexpected(ok.error());
+  } else if (!problem.start.empty()) {
+    std::vector<float> field = layout.unpack_volume(start_of(problem));
+    for (float& v : field) v = std::clamp(v / scale, 0.0f, 1.0f);
+    evolution.begin_with(std::move(field));
   }
   out.stop_reason = evolution.run(monitor);
   out.iterations = evolution.generation();
@@ -150,11 +156,15 @@ Result<Solution> solve_ensemble(const Problem& problem, const ErtOptions& option
 }  // namespace
 
 Result<Solution> solve_ert(const Problem& problem, const ErtOptions& options) {
-  const bool keeps_state =
-      options.scheme == ErtOptions::Scheme::Brood && options.ensemble == 1 && options.calibrate_rounds == 0;
-  if (!keeps_state && (problem.control.checkpoint || !problem.control.resume.empty())) {
-    return invalid_input("checkpoints", "only a single run of the brood scheme keeps them",
-                         "set ert.scheme = \"brood\", ert.ensemble = 1 and ert.calibrate_rounds = 0");
+  const bool is_one_run = options.ensemble == 1 && options.calibrate_rounds == 0;
+  if (!is_one_run && (problem.control.checkpoint || !problem.control.resume.empty())) {
+    return invalid_input("checkpoints", "only a single run keeps them",
+                         "set ert.ensemble = 1 and ert.calibrate_rounds = 0");
+  }
+  if (!problem.start.empty() &&
+      (options.scheme == ErtOptions::Scheme::Paper || options.calibrate_rounds > 0)) {
+    return invalid_input("a warm start", "the paper's scheme and corrected cameras begin with a dark field",
+                         "leave it out, or set ert.scheme = \"brood\" and ert.calibrate_rounds = 0");
   }
   if (options.calibrate_rounds > 0) return solve_with_cameras(problem, options);
   return options.ensemble > 1 ? solve_ensemble(problem, options) : solve_once(problem, options);

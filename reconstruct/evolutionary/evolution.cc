@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "proto/check.h"
+#include "reconstruct/evolutionary/checkpoint.h"
 #include "reconstruct/evolutionary/state_bytes.h"
 #include "reconstruct/noise_model.h"
 
@@ -222,7 +223,7 @@ StopReason Evolution::run(Monitor& monitor) {
   }
   const SolveControl& control = problem_.control;
   int next_report = generation_ + kFirstReport;
-  double next_preview_s = 0, next_checkpoint_s = control.checkpoint_every_s;
+  Punctual punctual(control);
   for (;;) {
     brood_->evolve(control.seed, stream_of(kOffspringStream, generation_));
     ++generation_;
@@ -246,17 +247,9 @@ StopReason Evolution::run(Monitor& monitor) {
       if (control.checkpoint) control.checkpoint(checkpoint());
       return *reason;
     }
-    if (control.preview && monitor.elapsed_s() >= next_preview_s) {
-      Volume volume(problem_.projector.grid());
-      volume.values = best();
-      for (float& v : volume.values) v *= scale_ * problem_.brightness;
-      control.preview(volume);
-      next_preview_s = monitor.elapsed_s() + control.preview_every_s;
-    }
-    if (control.checkpoint && monitor.elapsed_s() >= next_checkpoint_s) {
-      control.checkpoint(checkpoint());
-      next_checkpoint_s = monitor.elapsed_s() + control.checkpoint_every_s;
-    }
+    punctual.after_generation(
+        monitor.elapsed_s(), problem_.projector.grid(),
+        [&] { return scaled(best(), scale_ * problem_.brightness); }, [&] { return checkpoint(); });
   }
 }
 
@@ -274,24 +267,9 @@ std::vector<std::string> Evolution::notes() const {
   return out;
 }
 
-// What a checkpoint must have in common with the solve that goes on from it.
-std::string Evolution::identity() const {
-  ErtOptions options = options_;
-  options.max_generations = 1;  // may be raised
-  std::string out = "flamefield-ert-1";
-  for (const SettingDoc& doc : describe(ert_fields(options)))
-    out += concat(' ', doc.key, '=', doc.default_value);
-  const Layout& l = problem_.projector.layout();
-  out += concat(' ', l.nx, ' ', l.ny, ' ', l.nz, ' ', l.views, ' ', l.rows, ' ', l.cols, ' ',
-                problem_.control.seed, ' ', scale_);
-  double sum = 0;
-  for (const float b : problem_.images) sum += static_cast<double>(b);
-  return out + concat(' ', sum);
-}
-
 std::string Evolution::checkpoint() const {
   StateWriter out;
-  out.put(identity());
+  out.put(checkpoint_identity(problem_, options_, scale_));
   out.put(rung_);
   out.put(generation_);
   out.put(entered_);
@@ -305,22 +283,19 @@ std::string Evolution::checkpoint() const {
 }
 
 Result<> Evolution::resume(std::string_view bytes) {
-  const auto refuse = [](std::string_view why) {
-    return invalid_input("the checkpoint does not fit", std::string(why),
-                         "resume with the images, rig, grid, recipe and seed it was made with");
-  };
   StateReader in(bytes);
   std::string name, brood;
   std::size_t rung = 0;
-  if (!in.get(name) || name != identity()) return refuse("it belongs to another problem or recipe");
-  if (!in.get(rung) || rung >= tables_.size()) return refuse("it is damaged");
+  if (!in.get(name) || name != checkpoint_identity(problem_, options_, scale_))
+    return checkpoint_refused(kOtherProblem);
+  if (!in.get(rung) || rung >= tables_.size()) return checkpoint_refused(kDamaged);
   enter(rung, std::vector<float>(tables_[rung].voxels(), 0));
   made_before_ = 0;
   tallies_before_ = {};
   if (!in.get(generation_) || !in.get(entered_) || !in.get(next_look_) || !in.get(last_objective_) ||
       !in.get(made_before_) || !in.get(use_gradient_) || !in.get(tallies_before_) || !in.get(brood) ||
       !in.at_end() || !brood_->load(brood))
-    return refuse("it is damaged");
+    return checkpoint_refused(kDamaged);
   return {};
 }
 

@@ -45,7 +45,6 @@ class Evolution {
   int render_every() const;
   bool ends_rung_early() const;
   void report(Monitor& monitor);
-  std::string identity() const;
   std::vector<float> residual_of(std::vector<float> field) const;
   std::vector<float> to_finest(std::vector<float> field) const;
 

@@ -26,9 +26,8 @@ Result<Solution> solve_memetic(const Problem& problem, const MemeticOptions& opt
   Monitor monitor(control, options.ert.max_generations);
   const SolveControl quiet{
       .threads = control.threads, .time_limit_s = control.time_limit_s, .stop = control.stop};
-  const Problem swept_problem{
-      problem.projector, problem.images,    quiet, problem.team, problem.support, {}, true, {},
-      problem.noise,     problem.brightness};
+  const Problem swept_problem{problem.projector, problem.images, quiet, problem.team,  problem.support,
+                              problem.start,     true,           {},    problem.noise, problem.brightness};
   Solution out = solve_variational(swept_problem, {.max_iterations = options.sweeps});
   const float brightest = out.volume.empty() ? 0 : *std::ranges::max_element(out.volume);
   if (!(brightest > 0)) {

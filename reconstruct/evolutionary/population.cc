@@ -1,7 +1,10 @@
 #include "reconstruct/evolutionary/population.h"
 
+#include <algorithm>
+
 #include "reconstruct/evolutionary/fitness.h"
 #include "reconstruct/evolutionary/operators.h"
+#include "reconstruct/evolutionary/state_bytes.h"
 
 namespace flamefield {
 
@@ -84,6 +87,33 @@ double Population::render_anew() {
     member.z = distance_z(measured_, member.images, options_.lp);
   }
   return drift;
+}
+
+std::string Population::save() const {
+  StateWriter out;
+  out.put(base_);
+  out.put(relative_);
+  out.put(best_);
+  out.put(voxel_updates_);
+  for (const Chromosome& member : members_) {
+    out.put(member.genes);
+    out.put(member.images);
+    out.put(member.z);
+  }
+  return out.bytes();
+}
+
+bool Population::load(std::string_view bytes) {
+  StateReader in(bytes);
+  const std::size_t voxels = base_.size(), size = members_.size();
+  if (!in.get(base_) || !in.get(relative_) || !in.get(best_) || !in.get(voxel_updates_)) return false;
+  if (base_.size() != voxels || relative_.size() != size || best_ >= size) return false;
+  for (Chromosome& member : members_) {
+    if (!in.get(member.genes) || !in.get(member.images) || !in.get(member.z)) return false;
+    const auto outside = [&](const Gene& gene) { return gene.voxel >= voxels; };
+    if (member.images.size() != measured_.size() || std::ranges::any_of(member.genes, outside)) return false;
+  }
+  return in.at_end();
 }
 
 }  // namespace flamefield

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 #include "reconstruct/evolutionary/chromosome.h"
@@ -30,6 +32,10 @@ class Population {
   std::vector<float> field(std::size_t member) const { return field_of(members_[member], base_); }
   const std::vector<float>& measured() const { return measured_; }
   double voxel_updates() const { return voxel_updates_; }
+
+  // All of it, for a population of the same problem and options; load() returns false for anything else.
+  std::string save() const;
+  bool load(std::string_view bytes);
 
  private:
   void make_offspring(std::size_t i, const Mask& mask, double sigma, Stream stream);

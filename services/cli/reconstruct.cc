@@ -12,6 +12,7 @@
 #include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
 #include "services/config/recipe_file.h"
+#include "services/serve/records_json.h"
 #include "services/store/file.h"
 #include "services/store/projection_file.h"
 #include "services/store/rig_file.h"
@@ -21,8 +22,10 @@ namespace flamefield {
 
 namespace {
 
+constexpr double kPreviewEvery_s = 5;
+
 struct Options {
-  std::filesystem::path projections, rig, start, checkpoint, out;
+  std::filesystem::path projections, rig, start, checkpoint, preview, out;
   DomainOptions domain;
   RecipeOptions recipe;
   std::uint64_t seed = 1;
@@ -31,17 +34,7 @@ struct Options {
   bool json = false;
 };
 
-nlohmann::json json_of(const Reconstruction& result) {
-  nlohmann::json history = nlohmann::json::array();
-  for (const HistoryPoint& point : result.history) {
-    nlohmann::json entry = {
-        {"iteration", point.iteration}, {"residual", point.residual}, {"elapsed_s", point.elapsed_s}};
-    if (result.offspring > 0) {
-      entry["fitness"] = point.fitness;
-      entry["operator_success"] = point.operator_success;
-    }
-    history.push_back(std::move(entry));
-  }
+nlohmann::ordered_json json_of(const Reconstruction& result) {
   return {{"solver", result.solver},
           {"iterations", result.iterations},
           {"residual", result.residual},
@@ -53,7 +46,7 @@ nlohmann::json json_of(const Reconstruction& result) {
           {"projector_engine", result.projector_engine},
           {"stop_reason", name_of(result.stop_reason)},
           {"notes", result.notes},
-          {"history", history}};
+          {"history", json_of(result.history)}};
 }
 
 // Nothing that changes from run to run, so that equal work gives equal files.
@@ -108,6 +101,11 @@ void run(const Options& options, const Session& session) {
     progress.update(p.iteration, p.max_iterations,
                     concat("iteration ", p.iteration, ", residual ", p.residual));
   };
+  if (!options.preview.empty()) {
+    check_volume_output(options.preview);
+    control.preview = [&](const Volume& best) { or_fail(write_volume(options.preview, best, {})); };
+    control.preview_every_s = kPreviewEvery_s;
+  }
   std::string state;
   if (!options.checkpoint.empty()) {
     state = read_checkpoint(options.checkpoint);
@@ -151,6 +149,8 @@ void add_reconstruct(CLI::App& app, Session& session) {
   add_recipe(*command, options->recipe);
   command->add_option("--start", options->start,
                       "Volume to start from, on the same grid, e.g. of the pulse before");
+  command->add_option("--preview", options->preview,
+                      "ert: volume to write the best so far to, anew every 5 seconds");
   command->add_option("--checkpoint", options->checkpoint,
                       "ert: file to keep the evolution in, and to go on from if it is there");
   command->add_option("--seed", options->seed, "Of the stochastic solvers")->capture_default_str();

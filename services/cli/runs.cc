@@ -72,8 +72,10 @@ void list(const Options& options) {
 
 void show(const Options& options) {
   auto reader = or_fail(LedgerReader::open(options.data.dir));
-  const Json json = json_of(or_fail(reader.run(options.id)));
+  const RunRow row = or_fail(reader.run(options.id));
+  Json json = json_of(row);
   if (options.json) {
+    json["history"] = json_of(row.run.history);
     std::cout << json.dump(2) << '\n';
     return;
   }

@@ -11,6 +11,7 @@
 #include "services/serve/prometheus.h"
 #include "services/serve/records_json.h"
 #include "services/store/volume_file.h"
+#include "services/worker/best_so_far.h"
 
 namespace flamefield {
 
@@ -54,14 +55,18 @@ class LiveServices {
 // The newest volume's picture, drawn once however many browsers look.
 class NewestPicture {
  public:
-  std::optional<std::string> png(const std::filesystem::path& volume_path, const std::string& run) {
+  std::optional<std::string> png(const std::filesystem::path& volume_path, const std::string& run,
+                                 const char* title = "Newest volume") {
     const std::scoped_lock lock(mutex_);
-    if (run == run_) return png_;
+    std::error_code problem;
+    const auto written = std::filesystem::last_write_time(volume_path, problem);
+    if (run == run_ && written == written_) return png_;
     const auto volume = read_volume(volume_path);
     if (!volume) return std::nullopt;
-    const auto picture = volume_picture(*volume, {.title = "Newest volume", .subtitle = run});
+    const auto picture = volume_picture(*volume, {.title = title, .subtitle = run});
     if (!picture) return std::nullopt;
     run_ = run;
+    written_ = written;
     png_ = png_from(*picture);
     return png_;
   }
@@ -69,6 +74,7 @@ class NewestPicture {
  private:
   std::mutex mutex_;
   std::string run_, png_;
+  std::filesystem::file_time_type written_;
 };
 
 std::int64_t lost_frames(const CaptureState& state) {
@@ -183,7 +189,10 @@ GatewaySources gateway_sources(Bus& bus, const std::string& role, const std::str
     auto reader = services->ledger();
     if (!reader) return std::nullopt;
     const auto run = reader->run(std::string(id));
-    return run ? std::optional(json_of(*run).dump()) : std::nullopt;
+    if (!run) return std::nullopt;
+    Json json = json_of(*run);
+    json["history"] = json_of(run->run.history);
+    return json.dump();
   };
   sources.receipt_json = [=](std::string_view capture) -> std::optional<std::string> {
     auto reader = services->ledger();
@@ -193,6 +202,8 @@ GatewaySources gateway_sources(Bus& bus, const std::string& role, const std::str
   };
   sources.preview_png = [=](std::string_view camera) { return preview_png(*services, camera); };
   sources.newest_volume_png = [=]() -> std::optional<std::string> {
+    if (const auto best = find_best_so_far(services->data_dir()))
+      return picture->png(best->path, best->run_id, "Best so far");
     const auto run = newest_run(*services);
     return run ? picture->png(services->data_dir() / run->run.volume_path, run->run.id) : std::nullopt;
   };

@@ -55,6 +55,20 @@ Json json_of(const RunRow& row) {
           {"finished", utc_text(run.finished_time_ns)}};
 }
 
+Json json_of(const std::vector<HistoryPoint>& history) {
+  Json points = Json::array();
+  for (const HistoryPoint& point : history) {
+    Json entry = {
+        {"iteration", point.iteration}, {"residual", point.residual}, {"elapsed_s", point.elapsed_s}};
+    if (point.fitness != 0) {
+      entry["fitness"] = point.fitness;
+      entry["operator_success"] = point.operator_success;
+    }
+    points.push_back(std::move(entry));
+  }
+  return points;
+}
+
 Json json_of(const Receipt& receipt) {
   Json cameras = Json::array();
   for (const auto& line : receipt.cameras) {

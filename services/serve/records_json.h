@@ -9,7 +9,8 @@
 // Records as people and pages read them. Used by the command line and the gateway alike.
 namespace flamefield {
 
-nlohmann::ordered_json json_of(const RunRow& row);
+nlohmann::ordered_json json_of(const RunRow& row);  // without its history
+nlohmann::ordered_json json_of(const std::vector<HistoryPoint>& history);
 nlohmann::ordered_json json_of(const Receipt& receipt);
 nlohmann::ordered_json json_of(const CaptureRow& row);
 nlohmann::ordered_json json_of(const CaptureState& state);

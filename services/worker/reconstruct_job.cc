@@ -13,12 +13,15 @@
 #include "reconstruct/solver.h"
 #include "services/store/projection_file.h"
 #include "services/store/volume_file.h"
+#include "services/worker/best_so_far.h"
 
 namespace flamefield {
 
 namespace {
 
 using Clock = std::chrono::steady_clock;
+
+constexpr double kPreviewEvery_s = 2;
 
 // Seconds since the last call.
 class Lap {
@@ -178,7 +181,14 @@ Result<Reconstruction> ReconstructJob::solve(const JobContext& context, const Pr
                       .residual = p.residual,
                       .elapsed_s = p.elapsed_s});
   };
-  return reconstruct(prepared.projections, **known, processing.recipe, control);
+  // A picture for the live page: when it cannot be written, the work goes on without.
+  const auto best_path = best_so_far_path(options_.data_dir, context.lease.job.run_id, context.lease.token);
+  control.preview = [&](const Volume& best) { (void)write_volume(best_path, best, {}); };
+  control.preview_every_s = kPreviewEvery_s;
+  auto solved = reconstruct(prepared.projections, **known, processing.recipe, control);
+  std::error_code problem;
+  std::filesystem::remove(best_path, problem);
+  return solved;
 }
 
 Result<> ReconstructJob::write_files(const JobContext& context, Run& run, const Prepared& prepared,
@@ -187,7 +197,6 @@ Result<> ReconstructJob::write_files(const JobContext& context, Run& run, const 
     return options_.data_dir / staged_path(path, context.lease.token);
   };
   std::error_code problem;
-  std::filesystem::create_directories(options_.data_dir / "volumes", problem);
   const Provenance facts = provenance_of(run);
   if (auto ok = write_projections(staged(run.projections_path), prepared.projections, facts); !ok) return ok;
   if (auto ok = write_volume(staged(run.volume_path), solved.volume, facts, solved.sigma); !ok) return ok;
@@ -210,6 +219,8 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   run.started_time_ns = utc_now_ns();
   run.timings.queue_s = static_cast<double>(run.started_time_ns - job.created_time_ns) * 1e-9;
 
+  std::error_code problem;
+  std::filesystem::create_directories(options_.data_dir / "volumes", problem);
   Lap lap;
   const auto prepared = prepare_inputs(context, run, lap);
   if (!prepared) return tl::unexpected(prepared.error());
@@ -226,6 +237,7 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   run.residual = solved->residual;
   run.provenance.insert(run.provenance.end(), solved->notes.begin(), solved->notes.end());
   run.voxel_updates = solved->voxel_updates;
+  run.history = thinned(solved->history, kRunHistory);
   for (std::size_t i = 0; i < solved->residual_per_view.size(); ++i)
     run.residual_per_view[prepared->projections.view_names.at(i)] = solved->residual_per_view[i];
   context.progress({.token = 0, .run_id = {}, .stage = "write"});

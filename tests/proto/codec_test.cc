@@ -67,6 +67,7 @@ Run some_run() {
   run.residual_per_view = {{"cam00", 0.1}, {"cam01", 0.2}};
   run.metrics = {{"pearson_3d", 0.97}};
   run.provenance = {"binned by 2"};
+  run.history = {{10, 0.5, 0.1, 0, {}}, {20, 0.25, 0.2, 0.75, {0.5f, 0.25f, 0, 0, 0.125f}}};
   run.timings = {1, 2, 3, 4, 5};
   return run;
 }

@@ -67,11 +67,7 @@ class Battlefield {
  public:
   explicit Battlefield(const ChaosOptions& options)
       : options_(options), keys_(KeyRing::open_or_create(scratch_.path() / "keys").value()), bus_(keys_) {
-    {
-      Router probe(bus_);  // a port that is free, and stays so for a moment
-      EXPECT_TRUE(probe.bind("tcp://127.0.0.1:*"));
-      endpoint_ = probe.bound_endpoint();
-    }
+    endpoint_ = endpoint_to_keep(bus_);
     start_dispatcher();
     for (int i = 0; i < options.workers; ++i) workers_.push_back(start_worker());
     client_.emplace(Client::connect(bus_, "producer", unique_name("client"), endpoint_).value());

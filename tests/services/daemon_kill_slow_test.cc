@@ -8,6 +8,7 @@
 #include "services/bus/client.h"
 #include "services/dispatcher/set_sender.h"
 #include "services/ledger/reader.h"
+#include "services/store/file.h"
 #include "tests/services/chaos.h"
 #include "tests/services/support.h"
 
@@ -24,12 +25,7 @@ TEST(StoringDaemon, EveryAcknowledgedSetIsReadableAfterTwentyKillsAndNoneIsThere
   const Scratch scratch;
   const KeyRing keys = KeyRing::open_or_create(scratch / "keys").value();
   Bus bus(keys);
-  std::string endpoint;
-  {
-    Router probe(bus);  // a port that is free, and stays so for a moment
-    ASSERT_TRUE(probe.bind("tcp://127.0.0.1:*"));
-    endpoint = probe.bound_endpoint();
-  }
+  const std::string endpoint = endpoint_to_keep(bus);
   const auto start = [&] {
     return Process("flamefield-dispatchd",
                    {"--data", scratch.path(), "--endpoint", endpoint, "--events",
@@ -52,7 +48,8 @@ TEST(StoringDaemon, EveryAcknowledgedSetIsReadableAfterTwentyKillsAndNoneIsThere
     daemon.reset();  // with -9; the ledger takes one writer at a time
     daemon = start();
   }
-  ASSERT_TRUE(sender.drain(kSlowdown * 30s)) << sender.last_refusal();
+  ASSERT_TRUE(sender.drain(kSlowdown * 30s)) << sender.last_refusal() << '\n'
+                                             << read_text_file(scratch / "log").value_or("");
   ASSERT_GE(sets, 20);
 
   auto client = Client::connect(bus, "worker", unique_name("worker"), endpoint);

@@ -4,11 +4,13 @@
 
 #include <chrono>
 #include <functional>
+#include <random>
 #include <string>
 #include <thread>
 
 #include "proto/codec.h"
 #include "proto/message.h"
+#include "services/bus/bus.h"
 #include "tests/support/scratch.h"
 #include "tests/support/slowdown.h"
 
@@ -23,6 +25,19 @@ inline bool eventually(const std::function<bool()>& holds,
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   return true;
+}
+
+// A free TCP endpoint for a program that will come and go. Below the ports that Linux hands to outgoing
+// connections: one of those may take such a port while its owner is away, even a client that keeps knocking.
+inline std::string endpoint_to_keep(Bus& bus) {
+  std::random_device random;
+  for (int tries = 0; tries < 100; ++tries) {
+    Router probe(bus);
+    const std::string endpoint = concat("tcp://127.0.0.1:", 20'000 + random() % 12'000);
+    if (probe.bind(endpoint)) return endpoint;
+  }
+  ADD_FAILURE() << "no free port between 20000 and 32000";
+  return {};
 }
 
 // Set `index` of a capture: two cameras, a third one lost, pixels that tell the set.

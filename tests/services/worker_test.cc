@@ -9,6 +9,7 @@
 #include "services/log/log.h"
 #include "services/store/projection_file.h"
 #include "services/store/volume_file.h"
+#include "services/worker/best_so_far.h"
 #include "services/worker/reconstruct_job.h"
 #include "tests/services/chaos.h"
 #include "tests/services/small_lab.h"
@@ -64,7 +65,47 @@ TEST(Worker, MakesTheVolumeOfEverySetAndOfTheirMean) {
     EXPECT_EQ(row.run.residual_per_view.size(), 5u);
     EXPECT_EQ(row.run.iterations, 30);
     EXPECT_GT(row.run.timings.solve_s, 0);
+    ASSERT_EQ(row.run.history.size(), 30u);
+    EXPECT_EQ(row.run.history.back().iteration, 30);
+    EXPECT_LT(row.run.history.back().residual, row.run.history.front().residual);
   }
+}
+
+// The page shows it while the work goes on; afterwards there is only the run, with its history.
+TEST(Worker, AnEvolutionShowsItsBestSoFarAndKeepsItsHistory) {
+  set_log_level(LogLevel::Error);
+  Scratch scratch;
+  SmallLab lab;
+  const auto step = make_reconstruct_step({scratch.path(), 1});
+  Lease lease{7, 60'000, {}, lab.rig};
+  lease.job.run_id = "burst-0000-0a1b2c3d";
+  lease.job.inputs = {{"burst", 0}};
+  lease.job.processing = lab.processing(30);
+  lease.job.processing.recipe = {"ert", {{"ert.max_generations", std::int64_t{400}}}};
+  std::optional<BestSoFar> seen;
+  std::optional<Volume> best;
+  const auto look = [&](const Progress& progress) {
+    if (progress.stage != "solve" || best) return;
+    seen = find_best_so_far(scratch.path());
+    if (!seen) return;
+    if (auto volume = read_volume(seen->path)) best = std::move(*volume);
+  };
+  const auto run = step({lease,
+                         "w",
+                         [&](std::span<const SetId>) {
+                           return Result<std::vector<FrameSet>>({lab.set("burst", CaptureKind::Burst, 0)});
+                         },
+                         look,
+                         {}});
+  ASSERT_TRUE(run) << run.error().message;
+  ASSERT_TRUE(best);
+  EXPECT_EQ(seen->run_id, lease.job.run_id);
+  EXPECT_EQ(best->grid.nx, lease.job.processing.grid.nx);
+  EXPECT_FALSE(find_best_so_far(scratch.path()));
+  ASSERT_GT(run->history.size(), 5u);
+  EXPECT_LE(run->history.size(), kRunHistory);
+  EXPECT_GT(run->history.back().fitness, run->history.front().fitness);
+  EXPECT_EQ(run->history.back().iteration, run->iterations);
 }
 
 TEST(Worker, ABadRecipeFailsWithItsReason) {
