@@ -1,6 +1,7 @@
 // Which message it is, and the bytes.
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <google/protobuf/stubs/logging.h>
 
 #include <tuple>
 #include <type_traits>
@@ -105,6 +106,8 @@ Result<Envelope> decode(std::span<const std::byte> header) {
   };
   if (header.size() > kMaxHeaderBytes)
     return refuse(concat("its header is larger than ", kMaxHeaderBytes >> 20, " MiB"));
+  // Protobuf would print what is wrong with bytes from outside, as often as someone sends them.
+  const google::protobuf::LogSilencer silence;
   v1::Envelope wire;
   if (!wire.ParseFromArray(header.data(), static_cast<int>(header.size())))
     return refuse("its header is not an Envelope");

@@ -183,10 +183,13 @@ Result<Reconstruction> ReconstructJob::solve(const JobContext& context, const Pr
   };
   // A picture for the live page: when it cannot be written, the work goes on without.
   const auto best_path = best_so_far_path(options_.data_dir, context.lease.job.run_id, context.lease.token);
-  control.preview = [&](const Volume& best) { (void)write_volume(best_path, best, {}); };
+  std::error_code problem;
+  control.preview = [&](const Volume& best) {
+    std::filesystem::create_directories(best_path.parent_path(), problem);
+    (void)write_volume(best_path, best, {});
+  };
   control.preview_every_s = kPreviewEvery_s;
   auto solved = reconstruct(prepared.projections, **known, processing.recipe, control);
-  std::error_code problem;
   std::filesystem::remove(best_path, problem);
   return solved;
 }
@@ -197,6 +200,7 @@ Result<> ReconstructJob::write_files(const JobContext& context, Run& run, const 
     return options_.data_dir / staged_path(path, context.lease.token);
   };
   std::error_code problem;
+  std::filesystem::create_directories(options_.data_dir / "volumes", problem);
   const Provenance facts = provenance_of(run);
   if (auto ok = write_projections(staged(run.projections_path), prepared.projections, facts); !ok) return ok;
   if (auto ok = write_volume(staged(run.volume_path), solved.volume, facts, solved.sigma); !ok) return ok;
@@ -219,8 +223,6 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   run.started_time_ns = utc_now_ns();
   run.timings.queue_s = static_cast<double>(run.started_time_ns - job.created_time_ns) * 1e-9;
 
-  std::error_code problem;
-  std::filesystem::create_directories(options_.data_dir / "volumes", problem);
   Lap lap;
   const auto prepared = prepare_inputs(context, run, lap);
   if (!prepared) return tl::unexpected(prepared.error());
