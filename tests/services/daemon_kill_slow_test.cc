@@ -35,7 +35,7 @@ TEST(StoringDaemon, EveryAcknowledgedSetIsReadableAfterTwentyKillsAndNoneIsThere
   std::optional<Process> daemon = start();
   Dealer dealer(bus, "producer", unique_name("capture"));
   ASSERT_TRUE(dealer.connect(endpoint));
-  SetSender sender(std::move(dealer), {.max_unacked = 32, .resend_after = 200ms});
+  SetSender sender(std::move(dealer), {.max_unacked = 32, .resend_after = kSlowdown * 200ms});
 
   std::int64_t sets = 0;
   for (int kills = 0; kills < 20; ++kills) {
@@ -55,7 +55,7 @@ TEST(StoringDaemon, EveryAcknowledgedSetIsReadableAfterTwentyKillsAndNoneIsThere
   auto client = Client::connect(bus, "worker", unique_name("worker"), endpoint);
   ASSERT_TRUE(client);
   for (std::int64_t index = 0; index < sets; ++index) {
-    const auto data = client->ask_for<SetData>(FetchSet{{"burst", index}}, 10s);
+    const auto data = client->ask_for<SetData>(FetchSet{{"burst", index}}, kSlowdown * 10s);
     ASSERT_TRUE(data) << index << ": " << data.error().message;
     EXPECT_TRUE(same_pixels(data->set, make_set("burst", index, 256))) << index;
   }
