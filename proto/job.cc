@@ -12,7 +12,15 @@ std::string_view name_of(Combine combine) {
 }
 
 std::string_view name_of(Priority priority) {
-  return priority == Priority::Live ? "live" : "batch";
+  switch (priority) {
+    case Priority::Scheduled:
+      return "scheduled";
+    case Priority::Interactive:
+      return "interactive";
+    case Priority::Live:
+      return "live";
+  }
+  return "unknown";
 }
 
 std::string_view name_of(JobState state) {
@@ -27,6 +35,34 @@ std::string_view name_of(JobState state) {
       return "failed";
   }
   return "unknown";
+}
+
+std::string_view name_of(JobAction action) {
+  switch (action) {
+    case JobAction::Pause:
+      return "pause";
+    case JobAction::Resume:
+      return "resume";
+    case JobAction::Cancel:
+      return "cancel";
+    case JobAction::Retry:
+      return "retry";
+  }
+  return "unknown";
+}
+
+std::optional<JobState> job_state_from_name(std::string_view name) {
+  for (const JobState state : {JobState::Queued, JobState::Leased, JobState::Done, JobState::Failed}) {
+    if (name_of(state) == name) return state;
+  }
+  return std::nullopt;
+}
+
+std::optional<Priority> priority_from_name(std::string_view name) {
+  for (const Priority priority : {Priority::Scheduled, Priority::Interactive, Priority::Live}) {
+    if (name_of(priority) == name) return priority;
+  }
+  return std::nullopt;
 }
 
 std::string inputs_fingerprint(const Job& job) {

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -31,12 +32,18 @@ struct Processing {
   std::string flat_capture;
 };
 
-enum class Combine { Each, Mean };    // one volume per set, or one of the mean of all sets
-enum class Priority { Batch, Live };  // live work goes first
+enum class Combine { Each, Mean };                     // one volume per set, or one of the mean of all sets
+enum class Priority { Scheduled, Interactive, Live };  // the last goes first
 enum class JobState { Queued, Leased, Done, Failed };
+// Pause: not given out (a running job runs on). Cancel: fails, also while it runs. Retry: a failed job waits
+// again.
+enum class JobAction { Pause, Resume, Cancel, Retry };
 std::string_view name_of(Combine combine);
 std::string_view name_of(Priority priority);
 std::string_view name_of(JobState state);
+std::string_view name_of(JobAction action);
+std::optional<JobState> job_state_from_name(std::string_view name);
+std::optional<Priority> priority_from_name(std::string_view name);
 
 // One volume to be made. The identity of the work is (inputs, processing, program version).
 struct Job {
@@ -45,10 +52,13 @@ struct Job {
   std::vector<SetId> inputs;
   Processing processing;
   std::vector<SetId> dark, background, flat;  // the sets of the reference captures
-  Priority priority = Priority::Batch;
+  Priority priority = Priority::Interactive;
   int attempt = 0;  // 1 for the first try
   std::int64_t created_time_ns = 0;
   std::string program_version;
+  std::string submitter;                      // shares the workers with others of equal priority
+  std::int64_t submission = 0;                // jobs that were asked for together
+  double estimated_s = 0, estimated_mib = 0;  // of the run, from runs before; 0: unknown
 };
 
 // The right to work on a job until the deadline. Tokens grow: an older one never commits (fencing).
@@ -102,6 +112,11 @@ struct Run {
   std::vector<std::string> provenance;              // one line per preparation step
   std::vector<HistoryPoint> history;                // of the solve, at most kRunHistory points
   RunTimings timings;
+  std::string host;  // where it was made
+  int threads = 0;
+  double peak_rss_mib = 0;                    // the most that the worker's process held meanwhile
+  double estimated_s = 0, estimated_mib = 0;  // before the run; 0: unknown
+  std::string warm_start;                     // run whose volume the solver started from; empty: none
   std::int64_t started_time_ns = 0, finished_time_ns = 0;  // UTC
 };
 

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <map>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -47,12 +49,14 @@ struct Submit {                       // -> Submitted
   std::vector<SetId> sets;            // and these
   Combine combine = Combine::Each;
   Processing processing;
-  Priority priority = Priority::Batch;
+  Priority priority = Priority::Interactive;
+  std::string submitter = {};  // for a fair share between several; empty: the capture's name
 };
 struct Submitted {
   std::vector<std::int64_t> job_ids;
   std::vector<std::string> run_ids;  // of all that was asked for, also of what is already there
   std::int64_t identical = 0;        // already done or waiting: not done twice
+  std::int64_t submission = 0;       // names these jobs together
 };
 struct PutMetrics {  // -> Accepted; what was found out about a run later, e.g. against a known truth
   std::string run_id;
@@ -64,6 +68,8 @@ struct Status {
     std::string name;
     std::int64_t job_id = 0;  // 0: idle
     double silent_s = 0;
+    std::string host = {};
+    std::int64_t threads = 0, cores = 0, memory_mib = 0;  // 0: not told
   };
   struct Waiting {
     std::int64_t job_id = 0;
@@ -72,9 +78,42 @@ struct Status {
   std::string program_version;
   std::int64_t sets = 0, runs = 0;
   std::int64_t queued = 0, leased = 0, done = 0, failed = 0;  // jobs
+  std::map<std::string, std::int64_t> queued_by_priority;
+  bool paused = false;  // everything waits
   std::vector<Worker> workers;
   std::vector<Waiting> waiting;                  // the next ones in line
   std::map<std::string, std::int64_t> counters;  // e.g. leases_expired, stale_commits_refused
+};
+
+struct ControlJobs {  // -> JobsControlled
+  JobAction action = JobAction::Pause;
+  std::vector<std::int64_t> jobs = {};  // these,
+  std::int64_t submission = 0;          // those of one Submit,
+  bool all = false;                     // or everything; Pause then holds later jobs too
+};
+struct JobsControlled {
+  std::int64_t changed = 0;
+  std::int64_t unchanged = 0;  // e.g. already done, or asked for again since
+};
+struct GetJobs {  // -> Jobs
+  std::optional<JobState> state = {};
+  std::int64_t submission = 0;  // 0: all
+  std::int64_t limit = 100;     // newest first when it cuts
+};
+struct Jobs {
+  struct Row {
+    std::int64_t id = 0;
+    std::string run_id;
+    JobState state = JobState::Queued;
+    Priority priority = Priority::Interactive;
+    std::string submitter;
+    std::int64_t submission = 0;
+    int attempt = 0;
+    std::string worker;
+    std::int64_t created_time_ns = 0;
+    std::string why;  // it waits, or failed
+  };
+  std::vector<Row> rows;
 };
 
 // --- workers -> dispatcher -> reply
@@ -83,6 +122,8 @@ struct Ready {  // -> Lease when there is work: one Ready is one credit
   std::string worker;
   std::string program_version;
   std::int64_t threads = 0;
+  std::string host = {};  // jobs are matched to what the worker's machine has; 0: not told, may do all
+  std::int64_t cores = 0, memory_mib = 0;
 };
 struct FetchSet {  // -> SetData
   SetId id;
@@ -106,6 +147,7 @@ struct Committed {
 struct Fail {  // -> Accepted; Unavailable errors are tried again later
   std::int64_t token = 0;
   Error error;
+  bool crashed = false;  // the worker's process died of it; told by its successor
 };
 
 // --- replies to anything
@@ -124,10 +166,11 @@ struct Event {
   std::string text;
 };
 
-using Message = std::variant<PutSet, SetStored, PutCapture, PutRig, RigStored, LivePlan, Submit, Submitted,
-                             PutMetrics, GetStatus, Status, Ready, Lease, FetchSet, SetData, Heartbeat,
-                             LeaseLost, Finish, Committed, Fail, Accepted, Rejected, Event, StartCapture,
-                             StopCapture, GetCapture, GetPreview, CaptureState>;
+using Message =
+    std::variant<PutSet, SetStored, PutCapture, PutRig, RigStored, LivePlan, Submit, Submitted, PutMetrics,
+                 GetStatus, Status, Ready, Lease, FetchSet, SetData, Heartbeat, LeaseLost, Finish, Committed,
+                 Fail, Accepted, Rejected, Event, StartCapture, StopCapture, GetCapture, GetPreview,
+                 CaptureState, ControlJobs, JobsControlled, GetJobs, Jobs>;
 
 struct Envelope {
   std::uint64_t request = 0;  // 0: no reply expected

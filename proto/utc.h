@@ -2,6 +2,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <string>
 
 namespace flamefield {
 
@@ -9,5 +10,8 @@ inline std::int64_t utc_now_ns() {
   using std::chrono::duration_cast, std::chrono::nanoseconds, std::chrono::system_clock;
   return duration_cast<nanoseconds>(system_clock::now().time_since_epoch()).count();
 }
+
+// "2026-03-01T10:15:00.123Z"; empty for 0.
+std::string utc_text(std::int64_t time_ns);
 
 }  // namespace flamefield

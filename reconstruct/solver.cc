@@ -121,6 +121,11 @@ std::string_view summary_of(std::string_view name) {
   return solver ? solver->summary : "";
 }
 
+bool takes_warm_start(std::string_view name) {
+  const Solver* solver = find_solver(name);
+  return solver && solver->takes_start;
+}
+
 Result<ProjectorOptions> projector_options(const Recipe& recipe) {
   const auto options = shared_options(recipe);
   if (!options) return tl::unexpected(options.error());

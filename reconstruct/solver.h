@@ -95,6 +95,7 @@ Result<ProjectorOptions> projector_options(const Recipe& recipe);
 std::vector<SettingDoc> settings_of(std::string_view table);
 std::vector<std::string_view> shared_tables();         // tables that are no solver's
 std::string_view summary_of(std::string_view solver);  // one line with its source
+bool takes_warm_start(std::string_view solver);         // false also for unknown ones
 
 // Checks solver name and all tables of a recipe without running it.
 Result<> validate_recipe(const Recipe& recipe);

@@ -61,7 +61,13 @@ constexpr auto kRows = std::make_tuple(
     row<GetPreview>(v1::Envelope::kGetPreview, &v1::Envelope::get_preview,
                     &v1::Envelope::mutable_get_preview),
     row<CaptureState>(v1::Envelope::kCaptureState, &v1::Envelope::capture_state,
-                      &v1::Envelope::mutable_capture_state));
+                      &v1::Envelope::mutable_capture_state),
+    row<ControlJobs>(v1::Envelope::kControlJobs, &v1::Envelope::control_jobs,
+                     &v1::Envelope::mutable_control_jobs),
+    row<JobsControlled>(v1::Envelope::kJobsControlled, &v1::Envelope::jobs_controlled,
+                        &v1::Envelope::mutable_jobs_controlled),
+    row<GetJobs>(v1::Envelope::kGetJobs, &v1::Envelope::get_jobs, &v1::Envelope::mutable_get_jobs),
+    row<Jobs>(v1::Envelope::kJobs, &v1::Envelope::jobs, &v1::Envelope::mutable_jobs));
 static_assert(std::tuple_size_v<decltype(kRows)> == std::variant_size_v<Message>);
 
 template <class M>

@@ -96,10 +96,15 @@ void write(const Job& job, v1::Job* wire) {
   wire->set_attempt(job.attempt);
   wire->set_created_time_ns(job.created_time_ns);
   wire->set_program_version(job.program_version);
+  wire->set_submitter(job.submitter);
+  wire->set_submission(job.submission);
+  wire->set_estimated_s(job.estimated_s);
+  wire->set_estimated_mib(job.estimated_mib);
 }
 
 void read_priority(const std::string& text, Priority& priority, Check& check) {
-  read_enum(text, one_of(text, {Priority::Batch, Priority::Live}), priority, "priority", check);
+  const std::string name = text == "batch" ? "interactive" : text;  // in ledgers of older programs
+  read_enum(name, priority_from_name(name), priority, "priority", check);
 }
 
 void read(const v1::Job& wire, Job& job, Check& check) {
@@ -108,6 +113,13 @@ void read(const v1::Job& wire, Job& job, Check& check) {
   job.attempt = wire.attempt();
   job.created_time_ns = wire.created_time_ns();
   job.program_version = wire.program_version();
+  job.submitter = wire.submitter();
+  job.submission = wire.submission();
+  job.estimated_s = wire.estimated_s();
+  job.estimated_mib = wire.estimated_mib();
+  check.optional_name(job.submitter, "submitter");
+  check.finite(job.estimated_s, "estimated_s");
+  check.finite(job.estimated_mib, "estimated_mib");
   check.require(is_file_safe(job.run_id), "run id", "is not a name");
   read_all(wire.inputs(), job.inputs, check);
   read_all(wire.dark(), job.dark, check);

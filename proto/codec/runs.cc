@@ -85,6 +85,12 @@ void write(const Run& run, v1::Run* wire) {
   wire->set_write_s(run.timings.write_s);
   wire->set_started_time_ns(run.started_time_ns);
   wire->set_finished_time_ns(run.finished_time_ns);
+  wire->set_host(run.host);
+  wire->set_threads(run.threads);
+  wire->set_estimated_s(run.estimated_s);
+  wire->set_estimated_mib(run.estimated_mib);
+  wire->set_peak_rss_mib(run.peak_rss_mib);
+  wire->set_warm_start(run.warm_start);
 }
 
 void read(const v1::Run& wire, Run& run, Check& check) {
@@ -113,9 +119,17 @@ void read(const v1::Run& wire, Run& run, Check& check) {
   run.timings = {wire.queue_s(), wire.fetch_s(), wire.prepare_s(), wire.solve_s(), wire.write_s()};
   run.started_time_ns = wire.started_time_ns();
   run.finished_time_ns = wire.finished_time_ns();
+  run.host = wire.host();
+  run.threads = wire.threads();
+  run.estimated_s = wire.estimated_s();
+  run.estimated_mib = wire.estimated_mib();
+  run.peak_rss_mib = wire.peak_rss_mib();
+  run.warm_start = wire.warm_start();
+  if (!run.warm_start.empty()) check.require(is_file_safe(run.warm_start), "warm start", "is not a run");
   check.count(run.volume_bytes, "volume bytes");
-  for (double v : {run.residual, run.voxel_updates, run.timings.queue_s, run.timings.fetch_s,
-                   run.timings.prepare_s, run.timings.solve_s, run.timings.write_s})
+  for (double v :
+       {run.residual, run.voxel_updates, run.timings.queue_s, run.timings.fetch_s, run.timings.prepare_s,
+        run.timings.solve_s, run.timings.write_s, run.estimated_s, run.estimated_mib, run.peak_rss_mib})
     check.finite(v, "run");
 }
 

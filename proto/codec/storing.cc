@@ -68,6 +68,7 @@ void write(const Submit& m, v1::Submit* wire) {
   wire->set_combine(std::string(name_of(m.combine)));
   write(m.processing, wire->mutable_processing());
   wire->set_priority(std::string(name_of(m.priority)));
+  wire->set_submitter(m.submitter);
 }
 void read(const v1::Submit& wire, Submit& m, Check& check) {
   for (const std::string& capture : wire.captures()) {
@@ -79,17 +80,21 @@ void read(const v1::Submit& wire, Submit& m, Check& check) {
             check);
   read(wire.processing(), m.processing, check);
   read_priority(wire.priority(), m.priority, check);
+  m.submitter = wire.submitter();
+  check.optional_name(m.submitter, "submitter");
 }
 
 void write(const Submitted& m, v1::Submitted* wire) {
   for (std::int64_t id : m.job_ids) wire->add_job_ids(id);
   write_all(m.run_ids, wire->mutable_run_ids());
   wire->set_identical(m.identical);
+  wire->set_submission(m.submission);
 }
 void read(const v1::Submitted& wire, Submitted& m, Check&) {
   m.job_ids.assign(wire.job_ids().begin(), wire.job_ids().end());
   m.run_ids.assign(wire.run_ids().begin(), wire.run_ids().end());
   m.identical = wire.identical();
+  m.submission = wire.submission();
 }
 
 void write(const PutMetrics& m, v1::PutMetrics* wire) {
@@ -117,6 +122,10 @@ void write(const Status& m, v1::Status* wire) {
     out->set_name(worker.name);
     out->set_job_id(worker.job_id);
     out->set_silent_s(worker.silent_s);
+    out->set_host(worker.host);
+    out->set_threads(worker.threads);
+    out->set_cores(worker.cores);
+    out->set_memory_mib(worker.memory_mib);
   }
   for (const auto& waiting : m.waiting) {
     auto* out = wire->add_waiting();
@@ -124,6 +133,8 @@ void write(const Status& m, v1::Status* wire) {
     out->set_why(waiting.why);
   }
   for (const auto& [key, value] : m.counters) (*wire->mutable_counters())[key] = value;
+  for (const auto& [key, value] : m.queued_by_priority) (*wire->mutable_queued_by_priority())[key] = value;
+  wire->set_paused(m.paused);
 }
 void read(const v1::Status& wire, Status& m, Check& check) {
   m.program_version = wire.program_version();
@@ -135,10 +146,13 @@ void read(const v1::Status& wire, Status& m, Check& check) {
   m.failed = wire.failed();
   for (const auto& worker : wire.workers()) {
     check.finite(worker.silent_s(), "silent_s");
-    m.workers.push_back({worker.name(), worker.job_id(), worker.silent_s()});
+    m.workers.push_back({worker.name(), worker.job_id(), worker.silent_s(), worker.host(), worker.threads(),
+                         worker.cores(), worker.memory_mib()});
   }
   for (const auto& waiting : wire.waiting()) m.waiting.push_back({waiting.job_id(), waiting.why()});
   for (const auto& [key, value] : wire.counters()) m.counters[key] = value;
+  for (const auto& [key, value] : wire.queued_by_priority()) m.queued_by_priority[key] = value;
+  m.paused = wire.paused();
 }
 
 }  // namespace flamefield

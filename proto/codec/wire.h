@@ -138,6 +138,16 @@ void read(const v1::Committed& wire, Committed& m, Check&);
 void write(const Fail& m, v1::Fail* wire);
 void read(const v1::Fail& wire, Fail& m, Check& check);
 
+// controlling.cc
+void write(const ControlJobs& m, v1::ControlJobs* wire);
+void read(const v1::ControlJobs& wire, ControlJobs& m, Check& check);
+void write(const JobsControlled& m, v1::JobsControlled* wire);
+void read(const v1::JobsControlled& wire, JobsControlled& m, Check&);
+void write(const GetJobs& m, v1::GetJobs* wire);
+void read(const v1::GetJobs& wire, GetJobs& m, Check& check);
+void write(const Jobs& m, v1::Jobs* wire);
+void read(const v1::Jobs& wire, Jobs& m, Check& check);
+
 // capturing.cc
 void write(const StartCapture& m, v1::StartCapture* wire);
 void read(const v1::StartCapture& wire, StartCapture& m, Check& check);

@@ -7,10 +7,15 @@ void write(const Ready& m, v1::Ready* wire) {
   wire->set_worker(m.worker);
   wire->set_program_version(m.program_version);
   wire->set_threads(m.threads);
+  wire->set_host(m.host);
+  wire->set_cores(m.cores);
+  wire->set_memory_mib(m.memory_mib);
 }
 void read(const v1::Ready& wire, Ready& m, Check& check) {
-  m = {wire.worker(), wire.program_version(), wire.threads()};
+  m = {wire.worker(), wire.program_version(), wire.threads(), wire.host(), wire.cores(), wire.memory_mib()};
   check.name(m.worker, "worker");
+  check.count(m.cores, "cores");
+  check.count(m.memory_mib, "memory_mib");
 }
 
 void write(const Lease& m, v1::Lease* wire) {
@@ -74,10 +79,12 @@ void read(const v1::Committed& wire, Committed& m, Check&) {
 void write(const Fail& m, v1::Fail* wire) {
   wire->set_token(m.token);
   write(m.error, wire->mutable_error());
+  wire->set_crashed(m.crashed);
 }
 void read(const v1::Fail& wire, Fail& m, Check& check) {
   m.token = wire.token();
   read(wire.error(), m.error, check);
+  m.crashed = wire.crashed();
 }
 
 }  // namespace flamefield

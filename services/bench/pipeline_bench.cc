@@ -1,8 +1,13 @@
 #include "services/bench/pipeline_bench.h"
 
+#include <fcntl.h>
+#include <unistd.h>
+
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
 #include <cmath>
+#include <cstring>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -13,6 +18,7 @@
 #include "services/bench/stopwatch.h"
 #include "services/bus/client.h"
 #include "services/dispatcher/dispatcher.h"
+#include "services/dispatcher/set_sender.h"
 #include "services/ledger/reader.h"
 #include "services/worker/reconstruct_job.h"
 
@@ -85,6 +91,60 @@ Result<> put_sets(Client& client, const Laboratory& lab, const PipelineOptions& 
   return {};
 }
 
+// Sets offered as fast as they are taken.
+Result<double> durable_sets_per_s(Bus& bus, const Laboratory& lab, int first, int count) {
+  Dealer dealer(bus, "producer", unique_name("bench"));
+  if (auto ok = dealer.connect("inproc://dispatcher"); !ok) return tl::unexpected(ok.error());
+  SetSender sender(std::move(dealer), {.max_unacked = 32, .resend_after = kPatience});
+  const Stopwatch watch;
+  for (int i = first; i < first + count; ++i) {
+    FrameSet set = set_of(lab, i);
+    set.capture = "ceiling";
+    while (!sender.offer(set)) sender.pump(10ms);
+  }
+  if (auto ok = sender.drain(kPatience); !ok) return tl::unexpected(ok.error());
+  return count / watch.wall_s();
+}
+
+// The same bytes, one fdatasync a set.
+Result<double> disk_sets_per_s(const std::filesystem::path& folder, std::size_t set_bytes, int count) {
+  const std::filesystem::path path = folder / "disk-rate";
+  const int fd = ::open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  const std::vector<char> bytes(set_bytes, 'x');
+  const auto size = static_cast<off_t>(set_bytes) * count;
+  bool good = fd >= 0 && ::posix_fallocate(fd, 0, size) == 0 && ::fsync(fd) == 0;
+  const Stopwatch watch;
+  for (off_t at = 0; good && at < size; at += static_cast<off_t>(set_bytes))
+    good =
+        ::pwrite(fd, bytes.data(), set_bytes, at) == static_cast<ssize_t>(set_bytes) && ::fdatasync(fd) == 0;
+  const double rate = count / watch.wall_s();
+  const int reason = errno;
+  if (fd >= 0) ::close(fd);
+  ::unlink(path.c_str());
+  if (!good)
+    return unavailable(concat("cannot write ", path.string()), std::strerror(reason), "free disk space");
+  return rate;
+}
+
+// In turns, since a disk's mood changes.
+Result<> measure_ceiling(Bus& bus, const Laboratory& lab, const PipelineOptions& o,
+                         PipelineMeasurement& out) {
+  constexpr int kTurns = 3;
+  const int each = std::max(1, o.durable_sets / kTurns);
+  const auto set_bytes = static_cast<std::size_t>(out.set_mib * (1 << 20));
+  double ours_s = 0, disk_s = 0;
+  for (int turn = 0; turn < kTurns; ++turn) {
+    const auto disk = disk_sets_per_s(o.data_dir, set_bytes, each);
+    if (!disk) return tl::unexpected(disk.error());
+    const auto ours = durable_sets_per_s(bus, lab, turn * each, each);
+    if (!ours) return tl::unexpected(ours.error());
+    disk_s += each / *disk, ours_s += each / *ours;
+  }
+  out.disk_sets_per_s = kTurns * each / disk_s;
+  out.durable_sets_per_s = kTurns * each / ours_s;
+  return {};
+}
+
 Result<> wait_done(Client& client, std::stop_token stop, int& failed) {
   std::int64_t before = -1;
   for (Stopwatch quiet; quiet.wall_s() < 60;) {
@@ -137,6 +197,9 @@ Result<PipelineMeasurement> measure_pipeline(const PipelineOptions& o, std::stop
   if (auto ok = client->ask(PutRig{lab->rig}, kPatience); !ok) return tl::unexpected(ok.error());
   progress(concat("store ", o.sets, " frame sets"));
   if (auto ok = put_sets(*client, *lab, o, stop, out); !ok) return tl::unexpected(ok.error());
+
+  progress(concat("store ", o.durable_sets, " frame sets as fast as can be"));
+  if (auto ok = measure_ceiling(bus, *lab, o, out); !ok) return tl::unexpected(ok.error());
 
   progress(concat("make ", o.sets, " volumes"));
   Submit order;

@@ -15,6 +15,7 @@ struct PipelineOptions {
   int image_width_px = 659, image_height_px = 494;
   int nx = 52, ny = 55, nz = 52;  // voxels of the reconstruction
   int sets = 20;
+  int durable_sets = 120;  // for the measurement against the disk
   int workers = 1;
   int threads = 0;  // of each worker
   Recipe recipe;
@@ -26,6 +27,9 @@ struct PipelineMeasurement {
   double set_mib = 0;
   double sets_per_s = 0;  // put and acknowledged, one after the other: each is on the disk by then
   double put_p99_ms = 0;
+  // The ceiling: sets offered as fast as they are taken, and what the disk does with as many bytes written
+  // one after the other into a preallocated file, one fdatasync a set; in turns, in the same run.
+  double durable_sets_per_s = 0, disk_sets_per_s = 0;
   double volumes_per_s = 0;  // from the order to the last commit
   double cpu_s_per_volume = 0;
   double fetch_ms = 0, prepare_ms = 0, solve_ms = 0, write_ms = 0;

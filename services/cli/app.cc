@@ -20,7 +20,8 @@ namespace {
 constexpr std::array kCommands = {&add_demo,        &add_serve,    &add_capture, &add_runs,   &add_status,
                                   &add_calibrate,   &add_phantom,  &add_ring,    &add_render, &add_prepare,
                                   &add_reconstruct, &add_evaluate, &add_bench,   &add_study,  &add_show,
-                                  &add_convert,     &add_simulate, &add_cameras, &add_doctor, &add_replay};
+                                  &add_convert,     &add_simulate, &add_cameras, &add_doctor, &add_replay,
+                                  &add_jobs,        &add_selftest};
 
 int report(ExitCode code, const std::string& message) {
   std::cerr << "flamefield: " << message << '\n';

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 
 namespace flamefield {
 
@@ -41,6 +42,19 @@ std::string fixed_number(double value, int decimals) {
 void BenchProgress::operator()(const std::string& step) const {
   session_.check_stop();
   std::fprintf(stderr, "%s: %s\n", what_.c_str(), step.c_str());
+}
+
+BenchFolder::BenchFolder(const std::filesystem::path& below) {
+  std::string name = (below / "flamefield-bench-XXXXXX").string();
+  if (!::mkdtemp(name.data()))
+    throw CommandFailure{ExitCode::Failed,
+                         concat("'", below.string(), "' (no folder can be made in it) name another one")};
+  path_ = name;
+}
+
+BenchFolder::~BenchFolder() {
+  std::error_code ignored;
+  std::filesystem::remove_all(path_, ignored);
 }
 
 }  // namespace flamefield

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -32,6 +33,18 @@ class BenchProgress {
  private:
   std::string what_;
   const Session& session_;
+};
+
+// A folder of its own below the one named, gone when the measurement is. Ends the command when it cannot be.
+class BenchFolder {
+ public:
+  explicit BenchFolder(const std::filesystem::path& below);
+  ~BenchFolder();
+  BenchFolder(const BenchFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
 };
 
 }  // namespace flamefield

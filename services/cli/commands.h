@@ -30,5 +30,7 @@ void add_export(CLI::App& runs, Session& session);  // below runs
 void add_replay(CLI::App& app, Session& session);
 void add_doctor(CLI::App& app, Session& session);
 void add_status(CLI::App& app, Session& session);
+void add_jobs(CLI::App& app, Session& session);  // list, pause, resume, cancel, retry
+void add_selftest(CLI::App& app, Session& session);
 
 }  // namespace flamefield

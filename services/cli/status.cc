@@ -26,9 +26,14 @@ std::string text_of(const CaptureState& array, const Status& status) {
   }
   out += fmt::format("\njobs       {} waiting, {} running, {} done, {} failed\nstored     {} sets, {} runs\n",
                      status.queued, status.leased, status.done, status.failed, status.sets, status.runs);
+  if (status.paused) out += "paused     everything, until 'flamefield jobs resume --all'\n";
+  for (const auto& [priority, count] : status.queued_by_priority) {
+    if (count > 0) out += fmt::format("waiting    {} {}\n", count, priority);
+  }
   for (const auto& worker : status.workers) {
-    out += fmt::format("worker     {} {}\n", worker.name,
-                       worker.job_id == 0 ? "idle" : fmt::format("on job {}", worker.job_id));
+    out += fmt::format("worker     {} {} ({} threads, {:.1f} GiB)\n", worker.name,
+                       worker.job_id == 0 ? "idle" : fmt::format("on job {}", worker.job_id), worker.threads,
+                       static_cast<double>(worker.memory_mib) / 1024);
   }
   for (const auto& job : status.waiting) out += fmt::format("job {:<6} waits: {}\n", job.job_id, job.why);
   out += fmt::format("\n{:<8} {:<16} {:<10} {:>8} {:>8} {:>10}\n", "CAMERA", "ADDRESS", "STATE", "FRAMES",

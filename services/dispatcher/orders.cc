@@ -22,16 +22,22 @@ Result<std::vector<SetId>> asked_sets(Ledger& ledger, const Submit& submit) {
   return std::vector<SetId>(ids.begin(), ids.end());
 }
 
-Result<> add(Ledger& ledger, Job job, Submitted& submitted) {
+Result<> add(Ledger& ledger, Job job, double work, PlacedOrder& order) {
   job.program_version = program_version();
   job.run_id = run_id_of(job);
-  const auto id = ledger.add_job(job);
+  const auto id = ledger.add_job(job, work);
   if (!id) return tl::unexpected(id.error());
-  submitted.run_ids.push_back(job.run_id);
-  if (*id)
-    submitted.job_ids.push_back(**id);
-  else
-    ++submitted.identical;
+  order.answer.run_ids.push_back(job.run_id);
+  if (!*id) {
+    ++order.answer.identical;
+    return {};
+  }
+  order.answer.job_ids.push_back(**id);
+  QueuedJob queued{.id = **id, .priority = job.priority, .share = share_of(job)};
+  queued.setup = setup_of(job.processing);
+  queued.solver = job.processing.recipe.solver;
+  queued.work = work;
+  order.jobs.push_back(std::move(queued));
   return {};
 }
 
@@ -50,25 +56,35 @@ Result<> check_processing(Ledger& ledger, const Processing& processing) {
   return {};
 }
 
-Result<Submitted> place_order(Ledger& ledger, const Submit& submit, std::int64_t now_ns) {
+Result<PlacedOrder> place_order(Ledger& ledger, const Submit& submit, std::int64_t now_ns) {
   if (auto ok = check_processing(ledger, submit.processing); !ok) return tl::unexpected(ok.error());
   const auto sets = asked_sets(ledger, submit);
   if (!sets) return tl::unexpected(sets.error());
+  const auto rig = ledger.rig(submit.processing.rig_id);
+  if (!rig) return tl::unexpected(rig.error());
+  const auto submission = ledger.next_submission();
+  if (!submission) return tl::unexpected(submission.error());
   Job job;
   job.processing = submit.processing;
   job.priority = submit.priority;
   job.created_time_ns = now_ns;
-  Submitted submitted;
+  job.submitter = submit.submitter;
+  job.submission = *submission;
+  const Grid& grid = job.processing.grid;
+  const double work =
+      static_cast<double>(grid.nx) * grid.ny * grid.nz * static_cast<double>(rig->cameras.size());
+  PlacedOrder order;
+  order.answer.submission = *submission;
   if (submit.combine == Combine::Mean) {
     job.inputs = *sets;
-    if (auto ok = add(ledger, job, submitted); !ok) return tl::unexpected(ok.error());
-    return submitted;
+    if (auto ok = add(ledger, job, work, order); !ok) return tl::unexpected(ok.error());
+    return order;
   }
   for (const SetId& set : *sets) {
     job.inputs = {set};
-    if (auto ok = add(ledger, job, submitted); !ok) return tl::unexpected(ok.error());
+    if (auto ok = add(ledger, job, work, order); !ok) return tl::unexpected(ok.error());
   }
-  return submitted;
+  return order;
 }
 
 }  // namespace flamefield

@@ -4,12 +4,13 @@
 
 namespace flamefield {
 
-void Roster::ready(const std::string& peer, const std::string& name, Clock::time_point now) {
-  Worker& worker = workers_[peer];
-  worker.name = name;
-  worker.last_seen = now;
+void Roster::ready(const std::string& peer, const Ready& worker, bool in_process, Clock::time_point now) {
+  Worker& known = workers_[peer];
+  known.told = worker;
+  known.in_process = in_process;
+  known.last_seen = now;
   // A Ready that crossed its Lease on the way is no second credit.
-  if (worker.token == 0 && std::find(idle_.begin(), idle_.end(), peer) == idle_.end()) idle_.push_back(peer);
+  if (known.token == 0 && std::find(idle_.begin(), idle_.end(), peer) == idle_.end()) idle_.push_back(peer);
 }
 
 void Roster::seen(const std::string& peer, Clock::time_point now) {
@@ -21,22 +22,40 @@ void Roster::gone(const std::string& peer) {
   workers_.erase(peer);
 }
 
-std::optional<std::string> Roster::take_idle() {
-  if (idle_.empty()) return std::nullopt;
-  std::string peer = std::move(idle_.front());
-  idle_.pop_front();
-  return peer;
-}
-
 const std::string& Roster::name_of(const std::string& peer) const {
   const auto found = workers_.find(peer);
-  return found == workers_.end() ? peer : found->second.name;
+  return found == workers_.end() ? peer : found->second.told.worker;
 }
 
-void Roster::lease(const std::string& peer, std::int64_t token, std::int64_t job_id,
+bool Roster::is_in_process(const std::string& peer) const {
+  const auto found = workers_.find(peer);
+  return found != workers_.end() && found->second.in_process;
+}
+
+std::vector<Candidate> Roster::candidates() const {
+  std::vector<Candidate> all;
+  for (const auto& [peer, worker] : workers_) all.push_back({worker.told.worker, worker.told.memory_mib});
+  return all;
+}
+
+Candidate Roster::candidate(const std::string& peer) const {
+  const Worker& asked = workers_.at(peer);
+  Candidate out{asked.told.worker, asked.told.memory_mib};
+  if (out.memory_mib == 0) return out;
+  for (const auto& [other, worker] : workers_) {
+    if (worker.told.host == asked.told.host) out.memory_mib -= worker.need_mib;
+  }
+  out.memory_mib = std::max<std::int64_t>(out.memory_mib, 1);  // 0 would say "not told"
+  return out;
+}
+
+void Roster::lease(const std::string& peer, std::int64_t token, std::int64_t job_id, std::int64_t need_mib,
                    Clock::time_point deadline) {
-  workers_[peer].token = token;
-  workers_[peer].job_id = job_id;
+  std::erase(idle_, peer);
+  Worker& worker = workers_[peer];
+  worker.token = token;
+  worker.job_id = job_id;
+  worker.need_mib = need_mib;
   leases_[token] = {peer, deadline};
 }
 
@@ -52,8 +71,7 @@ void Roster::end(std::int64_t token) {
   if (found == leases_.end()) return;
   if (const auto worker = workers_.find(found->second.peer);
       worker != workers_.end() && worker->second.token == token) {
-    worker->second.token = 0;
-    worker->second.job_id = 0;
+    worker->second.token = worker->second.job_id = worker->second.need_mib = 0;
   }
   leases_.erase(found);
 }
@@ -69,7 +87,7 @@ std::vector<std::int64_t> Roster::expired(Clock::time_point now) const {
 std::optional<std::string> Roster::holder_of(std::int64_t token) const {
   const auto found = leases_.find(token);
   if (found == leases_.end()) return std::nullopt;
-  return name_of(found->second.peer);
+  return found->second.peer;
 }
 
 void Roster::drop_silent(Clock::time_point limit) {
@@ -82,14 +100,16 @@ void Roster::drop_silent(Clock::time_point limit) {
 
 void Roster::void_leases() {
   leases_.clear();
-  for (auto& [peer, worker] : workers_) worker.token = worker.job_id = 0;
+  for (auto& [peer, worker] : workers_) worker.token = worker.job_id = worker.need_mib = 0;
 }
 
 std::vector<Status::Worker> Roster::status(Clock::time_point now) const {
   std::vector<Status::Worker> out;
-  for (const auto& [peer, worker] : workers_)
-    out.push_back(
-        {worker.name, worker.job_id, std::chrono::duration<double>(now - worker.last_seen).count()});
+  for (const auto& [peer, worker] : workers_) {
+    const double silent_s = std::chrono::duration<double>(now - worker.last_seen).count();
+    out.push_back({worker.told.worker, worker.job_id, silent_s, worker.told.host, worker.told.threads,
+                   worker.told.cores, worker.told.memory_mib});
+  }
   return out;
 }
 

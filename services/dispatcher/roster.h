@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "proto/message.h"
+#include "services/dispatcher/job_queue.h"
 
 namespace flamefield {
 
@@ -18,33 +19,43 @@ class Roster {
  public:
   using Clock = std::chrono::steady_clock;
 
-  void ready(const std::string& peer, const std::string& name, Clock::time_point now);
+  // One credit: this worker takes a job. `in_process`: it is a thread of our own process.
+  void ready(const std::string& peer, const Ready& worker, bool in_process, Clock::time_point now);
   void seen(const std::string& peer, Clock::time_point now);
   void gone(const std::string& peer);
 
-  // The idle worker that has waited longest; it is not idle any more.
-  std::optional<std::string> take_idle();
   const std::string& name_of(const std::string& peer) const;
+  bool is_in_process(const std::string& peer) const;
 
-  void lease(const std::string& peer, std::int64_t token, std::int64_t job_id, Clock::time_point deadline);
+  // Peers with a credit, the longest waiting first.
+  std::vector<std::string> idle() const { return {idle_.begin(), idle_.end()}; }
+  // All that are connected, with the memory of their machines; and one of them, with what of it the jobs that
+  // run there are expected to leave.
+  std::vector<Candidate> candidates() const;
+  Candidate candidate(const std::string& peer) const;
+
+  // Takes the credit.
+  void lease(const std::string& peer, std::int64_t token, std::int64_t job_id, std::int64_t need_mib,
+             Clock::time_point deadline);
   bool extend(std::int64_t token, Clock::time_point deadline);  // false: no such lease
   void end(std::int64_t token);
   std::vector<std::int64_t> expired(Clock::time_point now) const;  // tokens
-  std::optional<std::string> holder_of(std::int64_t token) const;  // name
+  std::optional<std::string> holder_of(std::int64_t token) const;  // peer
 
   // Forgets idle workers that were silent since `limit`, and all leases when the ledger voided them.
   void drop_silent(Clock::time_point limit);
   void void_leases();
 
-  bool has_workers() const { return !workers_.empty(); }
   bool has_idle() const { return !idle_.empty(); }
   std::vector<Status::Worker> status(Clock::time_point now) const;
 
  private:
   struct Worker {
-    std::string name;
+    Ready told;
+    bool in_process = false;
     std::int64_t token = 0;  // 0: none
     std::int64_t job_id = 0;
+    std::int64_t need_mib = 0;  // of that job
     Clock::time_point last_seen;
   };
   struct Held {

@@ -13,6 +13,53 @@
 
 namespace flamefield {
 
+// A job that waits for its turn.
+struct QueuedJob {
+  std::int64_t id = 0;
+  Priority priority = Priority::Interactive;
+  std::string share = {};          // whose share of the workers it uses
+  std::int64_t not_before_ns = 0;  // back-off
+  bool paused = false;
+  std::string tied_to = {};  // the worker that died of it
+  std::string setup = {};    // equal when rig, recipe and grid are
+  std::string solver = {};
+  double work = 0;  // voxels x views
+};
+
+// A job that somebody works on.
+struct HeldJob {
+  std::int64_t id = 0;
+  std::string run_id, worker;
+  int attempt = 0, crashes = 0;
+};
+
+struct LeaseTerms {
+  std::string worker;
+  bool in_process = false;  // a thread of the dispatcher's process
+  std::int64_t now_ns = 0, duration_ms = 0;
+};
+
+struct Failure {
+  std::string reason;
+  std::optional<std::int64_t> retry_at_ns = {};  // none: for good
+  bool crashed = false;                          // the worker died of it
+  bool counts = true;                            // as an attempt
+};
+
+struct ControlledJob {
+  std::int64_t id = 0;
+  std::int64_t token = 0;  // of its last lease
+};
+
+// What a run took.
+struct RunCost {
+  std::string setup, solver;
+  double work = 0, wall_s = 0, peak_rss_mib = 0;
+};
+
+std::string setup_of(const Processing& processing);  // as in QueuedJob
+std::string share_of(const Job& job);
+
 // The book of everything that happened: one SQLite file (WAL, synchronous=FULL) with exactly one writer, held
 // by a lock file beside it. Times are UTC ns, given by the caller. All methods: Unavailable when the disk
 // refuses, DataLoss when the file is damaged.
@@ -55,26 +102,35 @@ class Ledger {
   Result<> put_live_plan(const LivePlan& plan);
   Result<LivePlan> live_plan();
 
-  // --- jobs
+  // --- jobs (ledger_jobs.cc)
   // Gives the job its number; none when identical work is done, running or waiting. NotFound: unknown rig or
   // set.
-  Result<std::optional<std::int64_t>> add_job(const Job& job);
-  // The next job in line, now leased to `worker` under a new token; none when nothing is due.
-  Result<std::optional<Lease>> lease_next(const std::string& worker, std::int64_t now_ns,
-                                          std::int64_t duration_ms);
+  Result<std::optional<std::int64_t>> add_job(const Job& job, double work);
+  Result<std::int64_t> next_submission();
+  Result<std::vector<QueuedJob>> queued_jobs();
+  Result<std::optional<QueuedJob>> queued_job(std::int64_t id);  // none: not waiting
+  // Leases a waiting job under a new token; none when it is not waiting (any more).
+  Result<std::optional<Lease>> lease(std::int64_t job_id, const LeaseTerms& terms);
+  Result<std::optional<HeldJob>> held(std::int64_t token);  // while the lease is valid
   enum class Commit { Done, AlreadyDone, Stale };
   Result<Commit> finish(std::int64_t token, const Run& run, std::int64_t now_ns);
-  // False: the token is stale. `retry_at_ns`: when to try again; none: the job has failed for good.
-  Result<bool> fail(std::int64_t token, const std::string& reason, std::optional<std::int64_t> retry_at_ns);
-  Result<std::optional<std::int64_t>> job_of_token(std::int64_t token);  // while the lease is valid
-  Result<int> attempt_of_token(std::int64_t token);
-  // After a restart no lease is valid any more; the lost attempts do not count. Returns how many there were.
-  Result<std::int64_t> void_all_leases();
-  Result<std::optional<std::int64_t>> next_due_ns();  // earliest not_before of a queued job
+  Result<bool> fail(std::int64_t token, const Failure& failure);  // false: the token is stale
+  // No lease is valid any more; the lost attempts do not count. When that is because the program was started
+  // again, jobs of threads of its process may have killed it: the third time they fail. Returns how many
+  // leases there were.
+  Result<std::int64_t> void_all_leases(bool restarted);
+
+  // --- control of jobs (ledger_control.cc)
+  Result<std::vector<ControlledJob>> control(const ControlJobs& what);  // those that changed
+  Result<> pause_all(bool paused);
+  Result<bool> paused_all();
+  Result<std::vector<Jobs::Row>> jobs(const GetJobs& asked);  // in the order of their numbers
+  Result<std::string> reason_of(std::int64_t job_id);         // of its last failure
+  Result<std::vector<RunCost>> costs(std::int64_t limit);     // of the newest runs, oldest first
 
   Result<> put_metrics(const PutMetrics& metrics);  // NotFound: no such run
   Result<> add_event(const Event& event);
-  Result<Status> status(std::int64_t now_ns);  // everything but the workers
+  Result<Status> status();  // the numbers; not the workers, nor who waits for what
 
  private:
   struct Impl;

@@ -48,13 +48,6 @@ PutCapture capture_of(SQLite::Statement& row) {
   return capture;
 }
 
-JobState state_of(const std::string& name) {
-  for (JobState state : {JobState::Queued, JobState::Leased, JobState::Done}) {
-    if (name_of(state) == name) return state;
-  }
-  return JobState::Failed;
-}
-
 tl::unexpected<Error> unknown(std::string_view what, const std::string& id) {
   return not_found(concat(what, ' ', id), "it is not in the ledger", "list what there is");
 }
@@ -116,12 +109,17 @@ Result<std::vector<RunRow>> read_runs(SQLite::Statement& row, Statements& sql) {
 
 Result<std::vector<RunRow>> LedgerReader::runs(const RunFilter& filter) {
   return guarded(impl_->database, [&]() -> Result<std::vector<RunRow>> {
-    auto& row = impl_->sql(
-        "SELECT record, committed_time_ns FROM (SELECT * FROM runs WHERE (?1 = '' OR capture = ?1) AND "
-        "(?2 = '' OR rig_id = ?2) AND (?3 = '' OR solver = ?3) AND finished_time_ns >= ?4 AND "
-        "(?5 IS NULL OR inputs = ?5) ORDER BY committed_time_ns DESC LIMIT ?6) "
-        "ORDER BY capture, first_idx, inputs, committed_time_ns",
-        filter.capture, filter.rig_id, filter.solver, filter.since_ns, filter.inputs, filter.limit);
+    // Conditions that do not hold for this filter are left out, so that SQLite sees which index serves best.
+    std::string where = "finished_time_ns >= ?4";
+    if (!filter.capture.empty()) where += " AND capture = ?1";
+    if (!filter.rig_id.empty()) where += " AND rig_id = ?2";
+    if (!filter.solver.empty()) where += " AND solver = ?3";
+    if (filter.inputs) where += " AND inputs = ?5";
+    const std::string text =
+        "SELECT record, committed_time_ns FROM runs WHERE rowid IN (SELECT rowid FROM runs WHERE " + where +
+        " ORDER BY committed_time_ns DESC LIMIT ?6) ORDER BY capture, first_idx, inputs, committed_time_ns";
+    auto& row = impl_->sql(text.c_str(), filter.capture, filter.rig_id, filter.solver, filter.since_ns,
+                           filter.inputs, filter.limit);
     return read_runs(row, impl_->sql);
   });
 }
@@ -145,8 +143,8 @@ Result<std::vector<JobRow>> LedgerReader::jobs(std::optional<JobState> state) {
         state ? std::optional(name_of(*state)) : std::nullopt);
     while (row.executeStep())
       rows.push_back({row.getColumn(0).getInt64(), row.getColumn(1).getString(),
-                      state_of(row.getColumn(2).getString()), row.getColumn(3).getInt(),
-                      row.getColumn(4).getString(), row.getColumn(5).getString()});
+                      job_state_from_name(row.getColumn(2).getString()).value_or(JobState::Failed),
+                      row.getColumn(3).getInt(), row.getColumn(4).getString(), row.getColumn(5).getString()});
     row.reset();
     return rows;
   });

@@ -12,7 +12,8 @@ namespace {
 
 // Entry i leads from user_version i to i + 1. Entries are never changed, only added.
 // `record` columns hold the exact protobuf message; the other columns are for questions.
-constexpr std::array kMigrations = {R"sql(
+constexpr std::array kMigrations = {
+    R"sql(
 CREATE TABLE captures(
   id TEXT PRIMARY KEY,
   kind TEXT NOT NULL CHECK(kind IN ('dark', 'background', 'flat', 'board', 'burst', 'live')),
@@ -137,6 +138,51 @@ CREATE TABLE events(
   subject TEXT NOT NULL,
   text TEXT NOT NULL
 ) STRICT;
+)sql",
+    // The line of work: three priorities, shares, pauses, crashes, and what runs take.
+    R"sql(
+UPDATE jobs SET priority = priority + 1;           -- scheduled 0, interactive 1, live 2
+ALTER TABLE jobs ADD COLUMN share TEXT NOT NULL DEFAULT '';           -- submitter, or capture of the first input
+ALTER TABLE jobs ADD COLUMN submitter TEXT NOT NULL DEFAULT '';
+ALTER TABLE jobs ADD COLUMN submission INTEGER NOT NULL DEFAULT 0;    -- asked for together
+ALTER TABLE jobs ADD COLUMN work REAL NOT NULL DEFAULT 0;             -- voxels x views
+ALTER TABLE jobs ADD COLUMN paused INTEGER NOT NULL DEFAULT 0;
+ALTER TABLE jobs ADD COLUMN cancelled INTEGER NOT NULL DEFAULT 0;     -- failed because somebody said so
+ALTER TABLE jobs ADD COLUMN crashes INTEGER NOT NULL DEFAULT 0;       -- workers' processes that died of it
+ALTER TABLE jobs ADD COLUMN tied_to TEXT NOT NULL DEFAULT '';         -- the worker that died
+ALTER TABLE jobs ADD COLUMN in_process INTEGER NOT NULL DEFAULT 0;    -- leased to a thread of the dispatcher's process
+UPDATE jobs SET share = coalesce((SELECT s.capture FROM job_inputs i JOIN sets s ON s.id = i.set_id
+  WHERE i.job_id = jobs.id LIMIT 1), '');
+DROP INDEX jobs_in_line;
+CREATE INDEX jobs_by_state ON jobs(state, id);
+CREATE INDEX jobs_by_submission ON jobs(submission);
+
+CREATE TABLE control(only_one INTEGER PRIMARY KEY CHECK(only_one = 1), paused INTEGER NOT NULL) STRICT;
+
+ALTER TABLE runs ADD COLUMN work REAL NOT NULL DEFAULT 0;
+ALTER TABLE runs ADD COLUMN peak_rss_mib REAL NOT NULL DEFAULT 0;
+ALTER TABLE runs ADD COLUMN estimated_s REAL NOT NULL DEFAULT 0;      -- 0: unknown
+ALTER TABLE runs ADD COLUMN estimated_mib REAL NOT NULL DEFAULT 0;
+CREATE INDEX runs_newest ON runs(committed_time_ns);
+CREATE INDEX runs_newest_of_capture ON runs(capture, committed_time_ns);
+CREATE INDEX runs_newest_of_rig ON runs(rig_id, committed_time_ns);
+CREATE INDEX runs_newest_of_solver ON runs(solver, committed_time_ns);
+
+CREATE TABLE totals(what TEXT PRIMARY KEY, n INTEGER NOT NULL) STRICT, WITHOUT ROWID;  -- counting rows takes long
+INSERT INTO totals SELECT 'sets', count(*) FROM sets;
+INSERT INTO totals SELECT 'runs', count(*) FROM runs;
+INSERT INTO totals SELECT s.value, (SELECT count(*) FROM jobs WHERE state = s.value)
+  FROM (SELECT 'queued' AS value UNION SELECT 'leased' UNION SELECT 'done' UNION SELECT 'failed') s;
+CREATE TRIGGER count_sets_in AFTER INSERT ON sets BEGIN UPDATE totals SET n = n + 1 WHERE what = 'sets'; END;
+CREATE TRIGGER count_sets_out AFTER DELETE ON sets BEGIN UPDATE totals SET n = n - 1 WHERE what = 'sets'; END;
+CREATE TRIGGER count_runs_in AFTER INSERT ON runs BEGIN UPDATE totals SET n = n + 1 WHERE what = 'runs'; END;
+CREATE TRIGGER count_runs_out AFTER DELETE ON runs BEGIN UPDATE totals SET n = n - 1 WHERE what = 'runs'; END;
+CREATE TRIGGER count_jobs_in AFTER INSERT ON jobs BEGIN UPDATE totals SET n = n + 1 WHERE what = new.state; END;
+CREATE TRIGGER count_jobs_out AFTER DELETE ON jobs BEGIN UPDATE totals SET n = n - 1 WHERE what = old.state; END;
+CREATE TRIGGER count_jobs_moved AFTER UPDATE OF state ON jobs WHEN old.state <> new.state BEGIN
+  UPDATE totals SET n = n - 1 WHERE what = old.state;
+  UPDATE totals SET n = n + 1 WHERE what = new.state;
+END;
 )sql"};
 
 }  // namespace

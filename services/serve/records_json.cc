@@ -1,23 +1,10 @@
 #include "services/serve/records_json.h"
 
-#include <cstdio>
-#include <ctime>
 #include <nlohmann/json.hpp>
 
 namespace flamefield {
 
 using Json = nlohmann::ordered_json;
-
-std::string utc_text(std::int64_t time_ns) {
-  if (time_ns == 0) return {};
-  const std::time_t seconds = time_ns / 1'000'000'000;
-  std::tm utc{};
-  gmtime_r(&seconds, &utc);
-  char day[32], text[48];
-  std::strftime(day, sizeof day, "%Y-%m-%dT%H:%M:%S", &utc);
-  std::snprintf(text, sizeof text, "%s.%03dZ", day, static_cast<int>(time_ns / 1'000'000 % 1000));
-  return text;
-}
 
 Json json_of(const RunRow& row) {
   const Run& run = row.run;
@@ -128,7 +115,11 @@ Json json_of(const Status& status) {
   for (const auto& worker : status.workers) {
     workers.push_back({{"name", worker.name},
                        {"job", worker.job_id == 0 ? Json(nullptr) : Json(worker.job_id)},
-                       {"silent_s", worker.silent_s}});
+                       {"silent_s", worker.silent_s},
+                       {"host", worker.host},
+                       {"threads", worker.threads},
+                       {"cores", worker.cores},
+                       {"memory_mib", worker.memory_mib}});
   }
   for (const auto& job : status.waiting) waiting.push_back({{"job", job.job_id}, {"why", job.why}});
   return {{"program_version", status.program_version},
@@ -138,6 +129,8 @@ Json json_of(const Status& status) {
           {"leased", status.leased},
           {"done", status.done},
           {"failed", status.failed},
+          {"queued_by_priority", status.queued_by_priority},
+          {"paused", status.paused},
           {"workers", std::move(workers)},
           {"waiting", std::move(waiting)},
           {"counters", status.counters}};

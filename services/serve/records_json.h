@@ -4,6 +4,7 @@
 
 #include "proto/capture.h"
 #include "proto/message.h"
+#include "proto/utc.h"
 #include "services/ledger/reader.h"
 
 // Records as people and pages read them. Used by the command line and the gateway alike.
@@ -15,8 +16,5 @@ nlohmann::ordered_json json_of(const Receipt& receipt);
 nlohmann::ordered_json json_of(const CaptureRow& row);
 nlohmann::ordered_json json_of(const CaptureState& state);
 nlohmann::ordered_json json_of(const Status& status);
-
-// "2026-03-01T10:15:00.123Z"; empty for 0.
-std::string utc_text(std::int64_t time_ns);
 
 }  // namespace flamefield

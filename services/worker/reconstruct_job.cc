@@ -14,6 +14,7 @@
 #include "services/store/projection_file.h"
 #include "services/store/volume_file.h"
 #include "services/worker/best_so_far.h"
+#include "services/worker/machine.h"
 
 namespace flamefield {
 
@@ -44,6 +45,10 @@ class Shelf {
       if (name == key) return &value;
     }
     return nullptr;
+  }
+  void replace(const std::string& key, Value value, std::size_t room) {
+    std::erase_if(entries_, [&](const auto& entry) { return entry.first == key; });
+    put(key, std::move(value), room);
   }
   const Value& put(std::string key, Value value, std::size_t room) {
     if (entries_.size() >= room) entries_.pop_front();
@@ -90,7 +95,7 @@ class ReconstructJob {
   Result<std::shared_ptr<const Preparer>> preparer(const JobContext& context, const CameraImages& flame,
                                                    const PrepareOptions& options);
   Result<Prepared> prepare_inputs(const JobContext& context, Run& run, Lap& lap);
-  Result<Reconstruction> solve(const JobContext& context, const Prepared& prepared);
+  Result<Reconstruction> solve(const JobContext& context, Run& run, const Prepared& prepared);
   Result<> write_files(const JobContext& context, Run& run, const Prepared& prepared,
                        const Reconstruction& solved);
 
@@ -99,7 +104,21 @@ class ReconstructJob {
   Shelf<MeanImages> references_;
   Shelf<std::shared_ptr<const Preparer>> preparers_;
   Shelf<std::shared_ptr<const Projector>> projectors_;
+  // The newest volume of each capture and way of processing: where the next one of a live capture starts.
+  struct LastVolume {
+    std::string run_id;
+    SetId set;
+    Volume volume;
+  };
+  Shelf<LastVolume> last_volumes_;
 };
+
+// Live work only: what is done at leisure must not depend on what happened to be done before.
+std::string warm_key(const Job& job) {
+  if (job.priority != Priority::Live || job.inputs.size() != 1) return {};
+  if (!takes_warm_start(job.processing.recipe.solver)) return {};
+  return concat(job.inputs[0].capture, ' ', recipe_fingerprint(job.processing), ' ', job.processing.rig_id);
+}
 
 // Named by its sets: a capture that has grown is averaged anew.
 std::string reference_key(std::span<const SetId> sets) {
@@ -158,8 +177,9 @@ Result<Prepared> ReconstructJob::prepare_inputs(const JobContext& context, Run& 
   return prepared;
 }
 
-Result<Reconstruction> ReconstructJob::solve(const JobContext& context, const Prepared& prepared) {
-  const Processing& processing = context.lease.job.processing;
+Result<Reconstruction> ReconstructJob::solve(const JobContext& context, Run& run, const Prepared& prepared) {
+  const Job& job = context.lease.job;
+  const Processing& processing = job.processing;
   const auto options = projector_options(processing.recipe);
   if (!options) return tl::unexpected(options.error());
   const std::string key = projector_key(prepared.rig, processing.grid, *options);
@@ -189,8 +209,18 @@ Result<Reconstruction> ReconstructJob::solve(const JobContext& context, const Pr
     (void)write_volume(best_path, best, {});
   };
   control.preview_every_s = kPreviewEvery_s;
+  const std::string key_of_last = warm_key(job);
+  const LastVolume* last = key_of_last.empty() ? nullptr : last_volumes_.find(key_of_last);
+  if (last) {
+    control.start = &last->volume;
+    run.warm_start = last->run_id;
+  }
   auto solved = reconstruct(prepared.projections, **known, processing.recipe, control);
   std::filesystem::remove(best_path, problem);
+  // Older sets are made up for when there is time: they must not take the place of a newer one.
+  const bool newer = !last || last->set < job.inputs[0];
+  if (solved && !key_of_last.empty() && newer)
+    last_volumes_.replace(key_of_last, {job.run_id, job.inputs[0], solved->volume}, 2);
   return solved;
 }
 
@@ -220,6 +250,11 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   run.worker = context.worker;
   run.volume_path = "volumes/" + job.run_id + ".vtkhdf";
   run.projections_path = "volumes/" + job.run_id + ".projections.nxs";
+  run.host = host_name();
+  run.threads = team_.threads();
+  run.estimated_s = job.estimated_s;
+  run.estimated_mib = job.estimated_mib;
+  reset_peak_memory();
   run.started_time_ns = utc_now_ns();
   run.timings.queue_s = static_cast<double>(run.started_time_ns - job.created_time_ns) * 1e-9;
 
@@ -227,7 +262,7 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   const auto prepared = prepare_inputs(context, run, lap);
   if (!prepared) return tl::unexpected(prepared.error());
   run.provenance = prepared->provenance;
-  const auto solved = solve(context, *prepared);
+  const auto solved = solve(context, run, *prepared);
   if (!solved) return tl::unexpected(solved.error());
   run.timings.solve_s = lap();
   if (context.stop.stop_requested())
@@ -245,6 +280,7 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   context.progress({.token = 0, .run_id = {}, .stage = "write"});
   if (auto ok = write_files(context, run, *prepared, *solved); !ok) return tl::unexpected(ok.error());
   run.timings.write_s = lap();
+  run.peak_rss_mib = peak_memory_mib();
   run.finished_time_ns = utc_now_ns();
   return run;
 }

@@ -1,5 +1,6 @@
 #include "services/worker/worker.h"
 
+#include <algorithm>
 #include <atomic>
 #include <mutex>
 #include <optional>
@@ -8,12 +9,13 @@
 #include "proto/version.h"
 #include "services/bus/client.h"
 #include "services/log/log.h"
+#include "services/worker/machine.h"
 
 namespace flamefield {
 
 namespace {
 
-constexpr std::chrono::milliseconds kTick{20};
+constexpr std::chrono::milliseconds kTick{20}, kJobTick{4};
 
 // Every set over a connection of its own, so that heartbeats never wait behind pixels.
 Result<std::vector<FrameSet>> fetch_sets(Client& client, std::span<const SetId> ids, std::stop_token stop,
@@ -41,9 +43,14 @@ void remove_staged(const std::filesystem::path& data_dir, const Run& run, std::i
 class Worker::Session {
  public:
   Session(Worker& worker, Client talk, Client data)
-      : options_(worker.options_), step_(worker.step_), talk_(std::move(talk)), data_(std::move(data)) {}
+      : worker_(worker),
+        options_(worker.options_),
+        step_(worker.step_),
+        talk_(std::move(talk)),
+        data_(std::move(data)) {}
 
   Result<> run(std::stop_token stop);
+  void report_lost_life();
 
  private:
   Result<std::optional<Lease>> wait_for_lease(std::stop_token stop);
@@ -52,6 +59,7 @@ class Worker::Session {
   void keep_alive();
   void hand_in(const Lease& lease, const Result<Run>& run);
 
+  Worker& worker_;
   const WorkerOptions& options_;
   const JobStep& step_;
   Client talk_, data_;
@@ -63,6 +71,7 @@ class Worker::Session {
 Worker::Worker(Bus& bus, const WorkerOptions& options, JobStep step)
     : bus_(bus), options_(options), step_(std::move(step)) {
   if (options_.name.empty()) options_.name = unique_name("worker");
+  if (options_.memory_mib == 0) options_.memory_mib = memory_of_this_machine_mib();
 }
 
 Result<> Worker::run(std::stop_token stop) {
@@ -70,7 +79,20 @@ Result<> Worker::run(std::stop_token stop) {
   if (!talk) return tl::unexpected(talk.error());
   auto data = Client::connect(bus_, "worker", options_.name + ".data", options_.endpoint);
   if (!data) return tl::unexpected(data.error());
-  return Session(*this, std::move(*talk), std::move(*data)).run(stop);
+  Session session(*this, std::move(*talk), std::move(*data));
+  session.report_lost_life();
+  return session.run(stop);
+}
+
+// The dispatcher would find out by silence, but not whose fault it was. Lost is only the haste: when nobody
+// answers, the lease runs out.
+void Worker::Session::report_lost_life() {
+  if (worker_.lost_.token == 0) return;
+  Fail fail{worker_.lost_.token, {}, true};
+  fail.error =
+      unavailable("the worker's process died of this job", worker_.lost_.reason, "see its log").value();
+  (void)talk_.ask(fail, options_.patience);
+  worker_.lost_ = {};
 }
 
 Result<> Worker::Session::run(std::stop_token stop) {
@@ -84,13 +106,19 @@ Result<> Worker::Session::run(std::stop_token stop) {
 
 // One Ready is one credit. It is repeated while idle, since a restarted dispatcher knows nobody.
 Result<std::optional<Lease>> Worker::Session::wait_for_lease(std::stop_token stop) {
-  (void)talk_.tell(Ready{options_.name, std::string(program_version()), options_.threads});
+  Ready ready{options_.name, std::string(program_version()), options_.threads};
+  ready.host = host_name();
+  ready.cores = std::max(1u, std::thread::hardware_concurrency());
+  ready.memory_mib = options_.memory_mib;
+  (void)talk_.tell(ready);
   const auto again = std::chrono::steady_clock::now() + options_.heartbeat;
   while (!stop.stop_requested() && std::chrono::steady_clock::now() < again) {
     auto message = talk_.next(kTick);
     if (!message) continue;
     if (auto* lease = std::get_if<Lease>(&*message)) return std::optional(std::move(*lease));
-    if (auto* no = std::get_if<Rejected>(&*message)) return tl::unexpected(no->error);
+    // A dispatcher with a full disk takes nobody for now; another version it never will.
+    const auto* no = std::get_if<Rejected>(&*message);
+    if (no && no->error.code == ErrorCode::InvalidInput) return tl::unexpected(no->error);
   }
   return std::optional<Lease>();
 }
@@ -98,6 +126,7 @@ Result<std::optional<Lease>> Worker::Session::wait_for_lease(std::stop_token sto
 void Worker::Session::work_on(const Lease& lease, std::stop_token stop) {
   progress_ = Progress{lease.token, lease.job.run_id, "fetch", 0, 0, 0, 0};
   lease_lost_ = false;
+  *worker_.in_hand_ = lease.token;
   std::stop_source job_stop;
   const std::stop_callback pass_on(stop, [&] { job_stop.request_stop(); });
   Result<Run> result = unavailable("job", "not started", "");
@@ -108,7 +137,7 @@ void Worker::Session::work_on(const Lease& lease, std::stop_token stop) {
   });
   auto next_beat = std::chrono::steady_clock::now() + options_.heartbeat;
   while (!finished) {
-    if (auto message = talk_.next(kTick)) {
+    if (auto message = talk_.next(kJobTick)) {
       const auto* lost = std::get_if<LeaseLost>(&*message);
       if (lost && lost->token == lease.token) {
         lease_lost_ = true;
@@ -120,6 +149,7 @@ void Worker::Session::work_on(const Lease& lease, std::stop_token stop) {
     next_beat = std::chrono::steady_clock::now() + options_.heartbeat;
   }
   job.join();
+  *worker_.in_hand_ = 0;
   hand_in(lease, result);
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <atomic>
 #include <chrono>
 #include <filesystem>
 #include <functional>
@@ -31,14 +32,28 @@ struct WorkerOptions {
   std::string name;  // empty: made from host and process
   std::filesystem::path data_dir;
   int threads = 0;                             // told to the dispatcher
+  std::int64_t memory_mib = 0;                 // that jobs may use; 0: what the machine has
   std::chrono::milliseconds heartbeat{1'000};  // well below a third of the lease
   std::chrono::milliseconds patience{30'000};  // for answers of the dispatcher
+};
+
+// A job that the worker's process died of the last time, told by whoever watched it.
+struct LostLife {
+  std::int64_t token = 0;  // 0: none
+  std::string reason;      // e.g. "killed by signal 11 (Segmentation fault)"
 };
 
 // Pulls one job at a time and keeps its lease alive while the step works on it.
 class Worker {
  public:
   Worker(Bus& bus, const WorkerOptions& options, JobStep step);
+
+  // Where the token of the job in hand is noted (0: none), for whoever watches this process; outlives the
+  // worker. And what became of the process before this one: the dispatcher hears of it first.
+  void watched_by(std::atomic<std::int64_t>& in_hand, LostLife last) {
+    in_hand_ = &in_hand;
+    lost_ = std::move(last);
+  }
 
   // Until asked to stop; then the job at hand is given back at once. An error only when the dispatcher
   // refuses this worker (other version), or the endpoint is malformed.
@@ -49,6 +64,9 @@ class Worker {
   Bus& bus_;
   WorkerOptions options_;
   JobStep step_;
+  std::atomic<std::int64_t> unwatched_{0};
+  std::atomic<std::int64_t>* in_hand_ = &unwatched_;
+  LostLife lost_;
 };
 
 }  // namespace flamefield

@@ -37,6 +37,14 @@ TEST(Bench, PrintsATableWithUnits) {
     EXPECT_TRUE(contains(result.out, part)) << part << " in " << result.out;
 }
 
+TEST(Bench, MeasuresTheQueueAndALargeLedger) {
+  const ProgramResult result = bench("queue --jobs 60 --runs 300 --workers 2 --json");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  EXPECT_EQ(json_number(result.out, "jobs"), 60);
+  for (const char* figure : {"submit_s", "done_s", "job_wall_ms", "job_cpu_ms", "newest 1000", "receipt"})
+    EXPECT_GT(json_number(result.out, figure), 0) << figure;
+}
+
 TEST(Bench, TimesSolversToATarget) {
   const ProgramResult result = bench(
       "solvers --solver mlem,sirt --size 14,14,14 --views 6 --spacing-deg 30 --noise 0 --target 0.8 --json");

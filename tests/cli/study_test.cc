@@ -91,8 +91,7 @@ solve.seed = { from = 1, to = 12, step = 1 }
             "\"$F\" study s.toml --jobs 2 --out out 2> log & p=$!; "
             "for i in $(seq 2000); do [ $(ls out/runs 2>/dev/null | grep -c json$) -ge 3 ] && break; "
             "sleep 0.01; done; kill -9 $p; wait $p 2> log; ls out/runs | grep -c json$");
-  const ProgramResult rest =
-      flamefield(scratch.path(), "study s.toml --out out --resume --json");
+  const ProgramResult rest = flamefield(scratch.path(), "study s.toml --out out --resume --json");
   ASSERT_EQ(rest.exit_code, 0) << rest.err;
   EXPECT_GE(json_number(rest.out, "skipped"), 3);
   EXPECT_EQ(json_number(rest.out, "skipped") + json_number(rest.out, "done"), 12);

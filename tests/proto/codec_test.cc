@@ -69,6 +69,12 @@ Run some_run() {
   run.provenance = {"binned by 2"};
   run.history = {{10, 0.5, 0.1, 0, {}}, {20, 0.25, 0.2, 0.75, {0.5f, 0.25f, 0, 0, 0.125f}}};
   run.timings = {1, 2, 3, 4, 5};
+  run.host = "lab";
+  run.threads = 2;
+  run.estimated_s = 1.5;
+  run.estimated_mib = 100;
+  run.peak_rss_mib = 90;
+  run.warm_start = "burst-0002-0a1b2c3d";
   return run;
 }
 
@@ -81,6 +87,10 @@ Lease some_lease() {
   lease.job.processing = some_processing();
   lease.job.priority = Priority::Live;
   lease.job.attempt = 2;
+  lease.job.submitter = "me";
+  lease.job.submission = 5;
+  lease.job.estimated_s = 1.5;
+  lease.job.estimated_mib = 100;
   return lease;
 }
 
@@ -90,8 +100,12 @@ std::vector<Message> one_of_each() {
   submit.sets = {{"other", 4}};
   submit.combine = Combine::Mean;
   submit.processing = some_processing();
+  submit.priority = Priority::Scheduled;
+  submit.submitter = "night-shift";
   Status status;
-  status.workers = {{"w1", 3, 0.5}};
+  status.workers = {{"w1", 3, 0.5, "host", 2, 4, 8000}};
+  status.queued_by_priority = {{"live", 3}};
+  status.paused = true;
   status.waiting = {{7, "no worker"}};
   status.counters = {{"leases_expired", 2}};
   const Error error{ErrorCode::DataLoss, "x (y) z"};
@@ -106,7 +120,7 @@ std::vector<Message> one_of_each() {
           PutMetrics{"run", {{"a", 1.5}}},
           GetStatus{},
           status,
-          Ready{"worker-1", "0.1.0", 2},
+          Ready{"worker-1", "0.1.0", 2, "host", 4, 8000},
           some_lease(),
           FetchSet{{"burst", 3}},
           SetData{small_set()},
@@ -114,7 +128,7 @@ std::vector<Message> one_of_each() {
           LeaseLost{41},
           Finish{41, some_run()},
           Committed{"run"},
-          Fail{41, error},
+          Fail{41, error, true},
           Accepted{},
           Rejected{error},
           Event{5, "set-stored", "burst", "text"},
@@ -128,7 +142,11 @@ std::vector<Message> one_of_each() {
                        30,
                        7,
                        6,
-                       {{"cam00", "127.0.0.2", true, 7, {{"missed", 1}}, 0.25}}}};
+                       {{"cam00", "127.0.0.2", true, 7, {{"missed", 1}}, 0.25}}},
+          ControlJobs{JobAction::Cancel, {3, 4}, 5, true},
+          JobsControlled{2, 1},
+          GetJobs{JobState::Failed, 5, 20},
+          Jobs{{{3, "run", JobState::Failed, Priority::Scheduled, "me", 5, 2, "w1", 17, "out of memory"}}}};
 }
 
 TEST(Codec, EveryMessageSurvivesARoundTrip) {

@@ -4,6 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "services/selftest/chaos.h"
+#include "services/selftest/child_process.h"
+
 namespace flamefield::testing_support {
 
 // One of our programs as a process; killed when the test is over.
@@ -11,24 +14,15 @@ class Process {
  public:
   Process(const std::string& program, const std::vector<std::string>& arguments,
           const std::filesystem::path& log);
-  Process(Process&& other) noexcept;
-  Process& operator=(Process&& other) noexcept;
-  ~Process();
-  void signal(int number) const;
-  int wait();  // exit status; 128 + signal when killed
+  void signal(int number) const { child_.signal(number); }
+  int wait() { return child_.wait(); }  // exit status; 128 + signal when killed
 
  private:
-  int pid_ = 0;
+  ChildProcess child_;
 };
 
-struct ChaosOptions {
-  int sets = 60;
-  int kills = 20;
-  int workers = 2;
-};
-
-// A capture is sent while dispatcher and workers are killed with -9 at random moments. Expects: every set
-// stored, every volume made, nothing committed twice, receipts that balance, volumes that can be read.
-void expect_survival(const ChaosOptions& options);
+// Expects: every set stored, every volume made, nothing committed twice, receipts that balance, volumes that
+// can be read. Programs and folder are filled in; the seed is printed.
+void expect_survival(ChaosOptions options);
 
 }  // namespace flamefield::testing_support

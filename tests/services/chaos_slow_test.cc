@@ -1,12 +1,14 @@
-#include "tests/services/chaos.h"
-
+// The programs are killed with -9, cut off and frozen while a capture goes on. Other seeds, and twenty of
+// them: flamefield selftest --chaos --repeat 20
 #include <gtest/gtest.h>
+
+#include "tests/services/chaos.h"
 
 namespace flamefield {
 namespace {
 
-TEST(Chaos, SixtySetsSurviveThirtyKills) {
-  testing_support::expect_survival({.sets = 60, .kills = 30, .workers = 2});
+TEST(Chaos, ThreeHundredSetsSurviveDeadDispatchersAndWorkersCutWiresAndAFrozenWorker) {
+  testing_support::expect_survival({});
 }
 
 }  // namespace

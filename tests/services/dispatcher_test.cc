@@ -2,117 +2,23 @@
 
 #include <gtest/gtest.h>
 
-#include <fstream>
 #include <future>
 #include <optional>
 
-#include "services/bus/client.h"
 #include "services/dispatcher/set_sender.h"
-#include "services/ledger/reader.h"
-#include "services/log/log.h"
-#include "services/worker/worker.h"
-#include "tests/services/support.h"
+#include "tests/services/dispatcher_fixture.h"
 
 namespace flamefield {
 namespace {
 
 using namespace std::chrono_literals;
+using testing_support::DispatcherTest;
 using testing_support::eventually;
 using testing_support::make_processing;
 using testing_support::make_rig;
 using testing_support::make_set;
 using testing_support::same_pixels;
-
-// A step that writes a file and checks that the pixels are the set's.
-Result<flamefield::Run> small_step(const std::filesystem::path& data_dir, const JobContext& context) {
-  const Job& job = context.lease.job;
-  const auto sets = context.fetch(job.inputs);
-  if (!sets) return tl::unexpected(sets.error());
-  for (const FrameSet& set : *sets) {
-    if (!same_pixels(set, make_set(set.capture, set.index, 8, set.kind)))
-      return invalid_input("pixels", "they are not those of the set", "");
-  }
-  flamefield::Run run;
-  run.id = job.run_id;
-  run.job_id = job.id;
-  run.inputs = job.inputs;
-  run.processing = job.processing;
-  run.worker = context.worker;
-  run.volume_path = "volumes/" + run.id + ".vtkhdf";
-  std::ofstream(data_dir / staged_path(run.volume_path, context.lease.token)) << context.lease.token;
-  return run;
-}
-
-// A dispatcher in a thread, on a scratch directory. stop() and start() are a restart.
-class DispatcherTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    set_log_level(LogLevel::Error);
-    options_.data_dir = scratch_.path();
-    options_.lease = 500ms;
-    options_.back_off = 10ms;
-    options_.segment_bytes = 1 << 20;
-    start();
-  }
-  void TearDown() override { stop(); }
-
-  void start() {
-    auto opened = Dispatcher::open(bus_, options_);
-    ASSERT_TRUE(opened) << opened.error().message;
-    dispatcher_ = std::move(*opened);
-    thread_ = std::jthread([this](std::stop_token stop) { EXPECT_TRUE(dispatcher_->run(stop)); });
-    client_.emplace(Client::connect(bus_, "client", unique_name("client"), "inproc://dispatcher").value());
-  }
-  void stop() {
-    client_.reset();
-    thread_ = {};
-    dispatcher_.reset();
-  }
-
-  template <class Answer>
-  Answer ask(const Message& question) {
-    auto answer = client_->ask_for<Answer>(question, 5s);
-    EXPECT_TRUE(answer) << answer.error().message;
-    return answer ? *answer : Answer{};
-  }
-  void put_sets(int count, const std::string& capture = "burst", CaptureKind kind = CaptureKind::Burst) {
-    for (int i = 0; i < count; ++i) {
-      const FrameSet set = make_set(capture, i, 8, kind);
-      EXPECT_FALSE(ask<SetStored>(PutSet{set}).already_there);
-    }
-  }
-  Submitted submit(Combine combine = Combine::Each) {
-    ask<RigStored>(PutRig{make_rig()});
-    Submit order;
-    order.captures = {"burst"};
-    order.combine = combine;
-    order.processing = make_processing();
-    return ask<Submitted>(order);
-  }
-  std::jthread start_worker(JobStep step) {
-    return std::jthread([this, step = std::move(step)](std::stop_token stop) {
-      Worker worker(bus_, {.name = {}, .data_dir = scratch_.path(), .heartbeat = 50ms, .patience = 2s}, step);
-      EXPECT_TRUE(worker.run(stop));
-    });
-  }
-  JobStep good_step() {
-    return [dir = scratch_.path()](const JobContext& context) { return small_step(dir, context); };
-  }
-  bool all_done(std::int64_t runs) {
-    return eventually([&] {
-      const Status status = ask<Status>(GetStatus{});
-      return status.runs == runs && status.queued + status.leased == 0;
-    });
-  }
-  LedgerReader reader() { return LedgerReader::open(scratch_.path()).value(); }
-
-  Scratch scratch_;
-  Bus bus_;
-  DispatcherOptions options_;
-  std::unique_ptr<Dispatcher> dispatcher_;
-  std::jthread thread_;
-  std::optional<Client> client_;
-};
+using testing_support::small_step;
 
 TEST_F(DispatcherTest, ASetSentTwiceIsStoredOnce) {
   put_sets(1);
@@ -312,7 +218,7 @@ TEST_F(DispatcherTest, WaitingJobsSayWhy) {
   submit();
   const Status status = ask<Status>(GetStatus{});
   ASSERT_EQ(status.waiting.size(), 1u);
-  EXPECT_EQ(status.waiting[0].why, "no worker is connected");
+  EXPECT_EQ(status.waiting[0].why, "no worker connected");
 }
 
 TEST_F(DispatcherTest, AWorkerOfAnotherVersionIsTurnedAway) {

@@ -54,6 +54,12 @@ Ledger open_filled(const Scratch& scratch, int sets) {
   return std::move(*ledger);
 }
 
+// A lease on the oldest waiting job.
+Lease lease_first(Ledger& ledger, const std::string& worker) {
+  const auto waiting = ledger.queued_jobs().value();
+  return ledger.lease(waiting.at(0).id, {worker, false, kNow, 1000})->value();
+}
+
 std::string shell(const std::string& command) {
   std::string out;
   FILE* pipe = ::popen(command.c_str(), "r");
@@ -105,32 +111,22 @@ TEST(Ledger, IdenticalWorkIsAcceptedOnceUntilItFailed) {
   Scratch scratch;
   Ledger ledger = open_filled(scratch, 2);
   const Job job = job_of({{"burst", 0}});
-  ASSERT_TRUE(ledger.add_job(job)->has_value());
-  EXPECT_FALSE(ledger.add_job(job)->has_value());
-  EXPECT_TRUE(ledger.add_job(job_of({{"burst", 1}}))->has_value());
-  const Lease lease = ledger.lease_next("w", kNow, 1000)->value();
-  EXPECT_FALSE(ledger.add_job(job)->has_value());
-  ASSERT_TRUE(*ledger.fail(lease.token, "no", std::nullopt));
-  EXPECT_TRUE(ledger.add_job(job)->has_value());
+  ASSERT_TRUE(ledger.add_job(job, 1)->has_value());
+  EXPECT_FALSE(ledger.add_job(job, 1)->has_value());
+  EXPECT_TRUE(ledger.add_job(job_of({{"burst", 1}}), 1)->has_value());
+  const Lease lease = lease_first(ledger, "w");
+  EXPECT_FALSE(ledger.add_job(job, 1)->has_value());
+  ASSERT_TRUE(*ledger.fail(lease.token, {.reason = "no"}));
+  EXPECT_TRUE(ledger.add_job(job, 1)->has_value());
 }
 
 TEST(Ledger, AJobNeedsAStoredRigAndStoredSets) {
   Scratch scratch;
   Ledger ledger = open_filled(scratch, 1);
-  EXPECT_EQ(ledger.add_job(job_of({{"burst", 5}})).error().code, ErrorCode::NotFound);
+  EXPECT_EQ(ledger.add_job(job_of({{"burst", 5}}), 1).error().code, ErrorCode::NotFound);
   Job job = job_of({{"burst", 0}});
   job.processing.rig_id = "unknown";
-  EXPECT_EQ(ledger.add_job(job).error().code, ErrorCode::NotFound);
-}
-
-TEST(Ledger, LiveWorkGoesFirst) {
-  Scratch scratch;
-  Ledger ledger = open_filled(scratch, 2);
-  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}})));
-  Job live = job_of({{"burst", 1}});
-  live.priority = Priority::Live;
-  ASSERT_TRUE(ledger.add_job(live));
-  EXPECT_EQ(ledger.lease_next("w", kNow, 1000)->value().job.inputs[0].index, 1);
+  EXPECT_EQ(ledger.add_job(job, 1).error().code, ErrorCode::NotFound);
 }
 
 TEST(Ledger, ALeaseCarriesRigAndReferenceSets) {
@@ -140,8 +136,8 @@ TEST(Ledger, ALeaseCarriesRigAndReferenceSets) {
     ASSERT_TRUE(ledger.add_set(make_set("dark", i, 8, CaptureKind::Dark), {2, 0, 100}, kNow));
   Job job = job_of({{"burst", 0}});
   job.processing.dark_capture = "dark";
-  ASSERT_TRUE(ledger.add_job(job));
-  const Lease lease = ledger.lease_next("w", kNow, 1000)->value();
+  ASSERT_TRUE(ledger.add_job(job, 1));
+  const Lease lease = lease_first(ledger, "w");
   EXPECT_EQ(lease.job.dark.size(), 3u);
   EXPECT_TRUE(lease.job.flat.empty());
   EXPECT_EQ(fingerprint(lease.rig), fingerprint(make_rig()));
@@ -151,37 +147,107 @@ TEST(Ledger, ALeaseCarriesRigAndReferenceSets) {
 TEST(Ledger, AnOldTokenNeverCommits) {
   Scratch scratch;
   Ledger ledger = open_filled(scratch, 1);
-  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}})));
-  const Lease slow = ledger.lease_next("slow", kNow, 1000)->value();
-  ASSERT_TRUE(*ledger.fail(slow.token, "silent", kNow));
-  const Lease quick = ledger.lease_next("quick", kNow, 1000)->value();
+  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}}), 1));
+  const Lease slow = lease_first(ledger, "slow");
+  ASSERT_TRUE(*ledger.fail(slow.token, {.reason = "silent", .retry_at_ns = kNow}));
+  const Lease quick = lease_first(ledger, "quick");
   EXPECT_GT(quick.token, slow.token);
   EXPECT_EQ(*ledger.finish(slow.token, run_of(slow), kNow), Ledger::Commit::Stale);
   EXPECT_EQ(*ledger.finish(quick.token, run_of(quick), kNow), Ledger::Commit::Done);
   EXPECT_EQ(*ledger.finish(quick.token, run_of(quick), kNow), Ledger::Commit::AlreadyDone);
   EXPECT_EQ(*ledger.finish(slow.token, run_of(slow), kNow), Ledger::Commit::Stale);
-  EXPECT_FALSE(*ledger.fail(slow.token, "late", std::nullopt));
-  EXPECT_EQ(ledger.status(kNow)->runs, 1);
+  EXPECT_FALSE(*ledger.fail(slow.token, {.reason = "late"}));
+  EXPECT_EQ(ledger.status()->runs, 1);
 }
 
-TEST(Ledger, AFailedJobWaitsForItsBackOff) {
+TEST(Ledger, AFailedJobWaitsWithItsBackOffAndItsReason) {
   Scratch scratch;
   Ledger ledger = open_filled(scratch, 1);
-  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}})));
-  const Lease lease = ledger.lease_next("w", kNow, 1000)->value();
-  ASSERT_TRUE(*ledger.fail(lease.token, "disk full", kNow + 500));
-  EXPECT_FALSE(ledger.lease_next("w", kNow + 499, 1000)->has_value());
-  EXPECT_EQ(ledger.lease_next("w", kNow + 500, 1000)->value().job.attempt, 2);
+  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}}), 1));
+  const Lease lease = lease_first(ledger, "w");
+  ASSERT_TRUE(*ledger.fail(lease.token, {.reason = "disk full", .retry_at_ns = kNow + 500}));
+  const auto waiting = ledger.queued_job(lease.job.id);
+  ASSERT_TRUE(waiting && *waiting);
+  EXPECT_EQ((*waiting)->not_before_ns, kNow + 500);
+  EXPECT_EQ((*waiting)->share, "burst");
+  EXPECT_EQ(*ledger.reason_of(lease.job.id), "disk full");
+  EXPECT_EQ(lease_first(ledger, "w").job.attempt, 2);
+}
+
+TEST(Ledger, ACrashTiesTheJobToItsWorkerAndIsCounted) {
+  Scratch scratch;
+  Ledger ledger = open_filled(scratch, 1);
+  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}}), 1));
+  const Lease lease = lease_first(ledger, "w7");
+  ASSERT_TRUE(*ledger.fail(lease.token, {.reason = "signal 11", .retry_at_ns = kNow, .crashed = true}));
+  EXPECT_EQ((*ledger.queued_job(lease.job.id))->tied_to, "w7");
+  EXPECT_EQ((*ledger.held(lease_first(ledger, "w7").token))->crashes, 1);
+}
+
+TEST(Ledger, AJobThatKilledItsOwnProgramThreeTimesFails) {
+  Scratch scratch;
+  Ledger ledger = open_filled(scratch, 1);
+  const std::int64_t id = ledger.add_job(job_of({{"burst", 0}}), 1)->value();
+  for (int life = 0; life < 3; ++life) {
+    ASSERT_TRUE(ledger.lease(id, {"thread", true, kNow, 1000})->has_value()) << life;
+    EXPECT_EQ(*ledger.void_all_leases(true), 1);
+  }
+  EXPECT_FALSE(*ledger.queued_job(id));
+  EXPECT_EQ(ledger.status()->failed, 1);
+}
+
+TEST(Ledger, ControlChangesTheJobsInItsScopeOnly) {
+  Scratch scratch;
+  Ledger ledger = open_filled(scratch, 4);
+  std::vector<std::int64_t> ids;
+  for (int i = 0; i < 4; ++i) {
+    Job job = job_of({{"burst", i}});
+    job.submission = i < 2 ? 1 : 2;
+    ids.push_back(ledger.add_job(job, 1)->value());
+  }
+  EXPECT_EQ(ledger.control({.action = JobAction::Pause, .jobs = {ids[0]}})->size(), 1u);
+  EXPECT_EQ(ledger.control({.action = JobAction::Pause, .submission = 1})->size(), 1u)
+      << "one was paused before";
+  EXPECT_EQ(ledger.control({.action = JobAction::Resume, .all = true})->size(), 2u);
+  EXPECT_EQ(ledger.control({.action = JobAction::Cancel, .submission = 2})->size(), 2u);
+  EXPECT_EQ(ledger.status()->failed, 2);
+  EXPECT_EQ(ledger.jobs({.state = JobState::Failed})->at(0).why, "cancelled");
+  EXPECT_TRUE(ledger.control({.action = JobAction::Retry, .all = true})->empty()) << "cancelled means it";
+  EXPECT_EQ(ledger.control({.action = JobAction::Retry, .jobs = {ids[2]}})->size(), 1u);
+  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 3}}), 1)->has_value());
+  EXPECT_TRUE(ledger.control({.action = JobAction::Retry, .jobs = {ids[3]}})->empty())
+      << "asked for again since";
+  EXPECT_EQ(ledger.status()->queued, 4);
+}
+
+TEST(Ledger, TotalsAgreeWithTheRows) {
+  Scratch scratch;
+  Ledger ledger = open_filled(scratch, 3);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(ledger.add_job(job_of({{"burst", i}}), 1));
+  const Lease done = lease_first(ledger, "w");
+  ASSERT_TRUE(ledger.finish(done.token, run_of(done), kNow));
+  ASSERT_TRUE(ledger.fail(lease_first(ledger, "w").token, {.reason = "no"}));
+  {
+    auto undone = ledger.begin();
+    ASSERT_TRUE(ledger.add_set(make_set("burst", 9), {1, 900, 100}, kNow));
+  }
+  const Status status = ledger.status().value();
+  EXPECT_EQ(status.sets, 3);
+  EXPECT_EQ(status.runs, 1);
+  EXPECT_EQ(status.queued, 1);
+  EXPECT_EQ(status.leased, 0);
+  EXPECT_EQ(status.done, 1);
+  EXPECT_EQ(status.failed, 1);
 }
 
 TEST(Ledger, ARestartVoidsLeasesWithoutCountingTheAttempt) {
   Scratch scratch;
   Ledger ledger = open_filled(scratch, 1);
-  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}})));
-  const Lease before = ledger.lease_next("w", kNow, 1000)->value();
-  EXPECT_EQ(*ledger.void_all_leases(), 1);
+  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}}), 1));
+  const Lease before = lease_first(ledger, "w");
+  EXPECT_EQ(*ledger.void_all_leases(true), 1);
   EXPECT_EQ(*ledger.finish(before.token, run_of(before), kNow), Ledger::Commit::Stale);
-  EXPECT_EQ(ledger.lease_next("w", kNow, 1000)->value().job.attempt, 1);
+  EXPECT_EQ(lease_first(ledger, "w").job.attempt, 1);
 }
 
 TEST(Ledger, AnotherProcessIsTurnedAwayWithThePidOfTheHolder) {
@@ -229,8 +295,8 @@ TEST(LedgerReader, SaysNotFoundBeforeThereIsALedger) {
 TEST(LedgerReader, GivesRunsBackExactlyWithMetricsAddedLater) {
   Scratch scratch;
   Ledger ledger = open_filled(scratch, 1);
-  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}})));
-  const Lease lease = ledger.lease_next("w", kNow, 1000)->value();
+  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}}), 1));
+  const Lease lease = lease_first(ledger, "w");
   ASSERT_TRUE(ledger.finish(lease.token, run_of(lease), kNow));
   ASSERT_TRUE(ledger.put_metrics({lease.job.run_id, {{"sqmd_3d", 0.5}}}));
   EXPECT_EQ(ledger.put_metrics({"nothing", {}}).error().code, ErrorCode::NotFound);
@@ -252,12 +318,12 @@ TEST(LedgerReader, TheReceiptAccountsForEveryPulseAndEverySet) {
   Ledger ledger = open_filled(scratch, 5);
   ASSERT_TRUE(
       ledger.put_capture({"burst", CaptureKind::Burst, kNow, kNow + 1, 5, {"cam00", "cam01", "cam02"}}));
-  for (int i : {0, 1, 2, 3}) ASSERT_TRUE(ledger.add_job(job_of({{"burst", i}})));
-  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}, {"burst", 1}, {"burst", 4}})));
-  const Lease done = ledger.lease_next("w", kNow, 1000)->value();
+  for (int i : {0, 1, 2, 3}) ASSERT_TRUE(ledger.add_job(job_of({{"burst", i}}), 1));
+  ASSERT_TRUE(ledger.add_job(job_of({{"burst", 0}, {"burst", 1}, {"burst", 4}}), 1));
+  const Lease done = lease_first(ledger, "w");
   ASSERT_TRUE(ledger.finish(done.token, run_of(done), kNow));
-  const Lease failed = ledger.lease_next("w", kNow, 1000)->value();
-  ASSERT_TRUE(ledger.fail(failed.token, "too dark", std::nullopt));
+  const Lease failed = lease_first(ledger, "w");
+  ASSERT_TRUE(ledger.fail(failed.token, {.reason = "too dark"}));
 
   const auto receipt = LedgerReader::open(scratch.path())->receipt("burst");
   ASSERT_TRUE(receipt) << receipt.error().message;

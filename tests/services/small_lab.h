@@ -1,73 +1,9 @@
 #pragma once
 
-#include <gtest/gtest.h>
+#include "services/selftest/miniature.h"
 
-#include <cmath>
-
-#include "reconstruct/phantom/phantom.h"
-#include "reconstruct/render.h"
-#include "reconstruct/ring.h"
-#include "tests/services/support.h"
-
-// A flame small enough to be reconstructed in milliseconds, and what five cameras around it saw.
 namespace flamefield::testing_support {
 
-struct SmallLab {
-  static constexpr double kCountsPerUnit = 10;
-  static constexpr int kDark = 12;  // grey level
-
-  Volume truth;
-  Rig rig;
-  Projections views;
-
-  SmallLab() {
-    const Grid grid = centred_grid(10, 10, 10, 2.0);
-    truth = make_phantom({.kind = PhantomKind::Gaussian}, grid);
-    RingOptions ring;
-    ring.views = 5;
-    ring.spacing_rad = 0.628;
-    ring.radius_mm = 200;
-    ring.image_width_px = ring.image_height_px = 16;
-    rig = make_ring(ring, grid).value();
-    views = render(truth, rig, {}).value();
-  }
-
-  // 8-bit frames of the flame (or of the closed shutter), a little brighter from set to set.
-  FrameSet set(const std::string& capture, CaptureKind kind, std::int64_t index) const {
-    FrameSet out;
-    out.capture = capture;
-    out.kind = kind;
-    out.index = out.pulse = index;
-    out.pulse_time_ns = 1'700'000'000'000'000'000 + index * 200'000'000;
-    out.complete_time_ns = out.pulse_time_ns + 1'000'000;
-    const double gain =
-        kind == CaptureKind::Dark ? 0 : kCountsPerUnit * (1 + 0.001 * static_cast<double>(index));
-    for (std::size_t v = 0; v < views.views(); ++v) {
-      Frame frame;
-      frame.camera = rig.cameras[v].name;
-      frame.pulse = index;
-      frame.width_px = views.cols;
-      frame.height_px = views.rows;
-      std::vector<std::byte> bytes;
-      for (float value : views.view(v))
-        bytes.push_back(static_cast<std::byte>(std::lround(std::min(255.0, kDark + gain * value))));
-      frame.bytes = std::make_shared<const std::vector<std::byte>>(std::move(bytes));
-      out.frames.push_back(std::move(frame));
-    }
-    return out;
-  }
-
-  Processing processing(int iterations) const {
-    Processing p;
-    p.rig_id = fingerprint(rig);
-    p.recipe.solver = "mlem";
-    p.recipe.settings = {{"mlem.max_iterations", std::int64_t{iterations}},
-                         {"prepare.counts_per_unit", kCountsPerUnit},
-                         {"prepare.binning", std::int64_t{1}}};
-    p.grid = truth.grid;
-    p.dark_capture = "dark";
-    return p;
-  }
-};
+using SmallLab = Miniature;
 
 }  // namespace flamefield::testing_support

@@ -13,6 +13,7 @@
 #include "services/worker/reconstruct_job.h"
 #include "tests/services/chaos.h"
 #include "tests/services/small_lab.h"
+#include "tests/services/support.h"
 
 namespace flamefield {
 namespace {
@@ -132,7 +133,8 @@ TEST(Worker, ABadRecipeFailsWithItsReason) {
 
 // The programs themselves, as processes over TCP, killed with -9 while they work.
 TEST(Programs, KilledAFewTimesLoseNothingAndCommitNothingTwice) {
-  testing_support::expect_survival({.sets = 8, .kills = 3});
+  testing_support::expect_survival(
+      {.sets = 20, .dispatcher_kills = 1, .worker_kills = 2, .cuts = 1, .freezes = 0});
 }
 
 TEST(Programs, StopCleanlyOnRequest) {
