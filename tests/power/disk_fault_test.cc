@@ -5,6 +5,7 @@
 #include <chrono>
 #include <fstream>
 
+#include "services/ledger/ledger.h"
 #include "tests/power/disk.h"
 #include "tests/services/dispatcher_fixture.h"
 
