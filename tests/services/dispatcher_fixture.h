@@ -51,6 +51,13 @@ class DispatcherTest : public ::testing::Test {
 
   void start() {
     auto opened = Dispatcher::open(bus_, options_);
+    // ZeroMQ lets go of a closed endpoint a moment later.
+    eventually(
+        [&] {
+          if (!opened) opened = Dispatcher::open(bus_, options_);
+          return opened.has_value();
+        },
+        2s);
     ASSERT_TRUE(opened) << opened.error().message;
     dispatcher_ = std::move(*opened);
     thread_ = std::jthread([this](std::stop_token stop) { EXPECT_TRUE(dispatcher_->run(stop)); });
