@@ -19,7 +19,7 @@ int lens_freedom(const BundleOptions& options) {
 }  // namespace
 
 BundleSummary solve_bundle(Bundle& bundle, const BundleOptions& options) {
-  Blocks blocks = blocks_of(bundle);
+  Blocks blocks(bundle);
   ceres::Problem problem;
   build(problem, bundle, options, blocks);
 
@@ -31,25 +31,24 @@ BundleSummary solve_bundle(Bundle& bundle, const BundleOptions& options) {
   solver.parameter_tolerance = 1e-9;
   solver.logging_type = ceres::SILENT;
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
-  for (PoseBlock& board : blocks.boards) ordering->AddElementToGroup(board.data(), 0);
-  for (std::size_t c = 0; c < blocks.cameras.size(); ++c) {
-    ordering->AddElementToGroup(blocks.cameras[c].data(), 1);
-    ordering->AddElementToGroup(blocks.lenses[c].data(), 1);
+  for (std::size_t p = 0; p < blocks.boards(); ++p) ordering->AddElementToGroup(blocks.board(p), 0);
+  for (std::size_t c = 0; c < blocks.cameras(); ++c) {
+    ordering->AddElementToGroup(blocks.camera(c), 1);
+    ordering->AddElementToGroup(blocks.lens(c), 1);
   }
-  ordering->AddElementToGroup(blocks.bow.data(), 1);
+  ordering->AddElementToGroup(blocks.bow(), 1);
   solver.linear_solver_ordering = ordering;
   ceres::Solver::Summary summary;
   ceres::Solve(solver, &problem, &summary);
 
   for (std::size_t c = 0; c < bundle.cameras.size(); ++c) {
     if (options.hold_cameras) break;
-    set_lens(bundle.cameras[c], blocks.lenses[c]);
-    bundle.cameras[c].camera_from_world = rigid3_from(blocks.cameras[c]);
+    set_lens(bundle.cameras[c], blocks.lens_of(c));
+    bundle.cameras[c].camera_from_world = blocks.camera_pose(c);
   }
-  bundle.bow_mm = {blocks.bow[0], blocks.bow[1]};
-  for (std::size_t p = 0; p < blocks.boards.size(); ++p) {
-    if (options.hold_cameras || p != bundle.fixed_pose)
-      bundle.world_from_board[p] = rigid3_from(blocks.boards[p]);
+  bundle.bow_mm = {blocks.bow()[0], blocks.bow()[1]};
+  for (std::size_t p = 0; p < blocks.boards(); ++p) {
+    if (options.hold_cameras || p != bundle.fixed_pose) bundle.world_from_board[p] = blocks.board_pose(p);
   }
   return {summary.termination_type == ceres::CONVERGENCE,
           summary.num_successful_steps + summary.num_unsuccessful_steps, summary.message};

@@ -40,8 +40,8 @@ struct BundleOptions {
 struct BundleView {
   std::size_t camera = 0;
   std::size_t pose = 0;
-  std::vector<Eigen::Vector2d> corners_px;
-  std::vector<bool> used;  // one for each corner
+  std::vector<Eigen::Vector2d> corners_px;  // not numbers where not seen, and then
+  std::vector<bool> used;                   // not used; one for each corner
 };
 
 // The unknowns, and what was seen: corner i of a view is point board_mm[i] of its board.
@@ -69,7 +69,7 @@ struct BundleSummary {
 // modern synthesis", 2000): Levenberg-Marquardt with the board poses eliminated by Schur complement.
 BundleSummary solve_bundle(Bundle& bundle, const BundleOptions& options);
 
-// Estimated minus measured, of every corner of a view. (rows, cols)
+// Estimated minus measured, of every corner of a view; not numbers where it was not seen. (rows, cols)
 std::vector<Eigen::Vector2d> residuals_px(const Bundle& bundle, const BundleView& view);
 
 // Unknowns that the observations determine.

@@ -5,15 +5,18 @@
 
 namespace flamefield {
 
-Blocks blocks_of(const Bundle& bundle) {
-  Blocks blocks;
-  for (const Camera& camera : bundle.cameras) {
-    blocks.lenses.push_back(lens_block(camera));
-    blocks.cameras.push_back(pose_block(camera.camera_from_world));
+Blocks::Blocks(const Bundle& bundle)
+    : boards_(bundle.world_from_board.size()),
+      cameras_(bundle.cameras.size()),
+      values_(kPose * boards_ + kCamera * cameras_ + 2) {
+  for (std::size_t p = 0; p < boards_; ++p)
+    std::ranges::copy(pose_block(bundle.world_from_board[p]), board(p));
+  for (std::size_t c = 0; c < cameras_; ++c) {
+    std::ranges::copy(pose_block(bundle.cameras[c].camera_from_world), camera(c));
+    std::ranges::copy(lens_block(bundle.cameras[c]), lens(c));
   }
-  for (const Rigid3& pose : bundle.world_from_board) blocks.boards.push_back(pose_block(pose));
-  blocks.bow = {bundle.bow_mm.x(), bundle.bow_mm.y()};
-  return blocks;
+  bow()[0] = bundle.bow_mm.x();
+  bow()[1] = bundle.bow_mm.y();
 }
 
 std::vector<int> constant_lens_indices(const BundleOptions& options) {
@@ -45,7 +48,7 @@ LensBlock lens_sigmas(const Camera& known, bool focal_known, const BundleOptions
   return sigma;
 }
 
-void add_prior(ceres::Problem& problem, LensBlock& lens, const Camera& known, bool focal_known,
+void add_prior(ceres::Problem& problem, double* lens, const Camera& known, bool focal_known,
                const BundleOptions& options) {
   const LensBlock centre = lens_block(known), sigma = lens_sigmas(known, focal_known, options);
   ceres::Matrix weights = ceres::Matrix::Zero(9, 9);
@@ -56,34 +59,34 @@ void add_prior(ceres::Problem& problem, LensBlock& lens, const Camera& known, bo
     weights(i, i) = sigma[k] > 0 ? options.noise_px / sigma[k] : 0;
     middle[i] = centre[k];
   }
-  problem.AddResidualBlock(new ceres::NormalPrior(weights, middle), nullptr, lens.data());
+  problem.AddResidualBlock(new ceres::NormalPrior(weights, middle), nullptr, lens);
 }
 
 // Board poses first: they are the blocks to eliminate.
 void add_blocks(ceres::Problem& problem, const Bundle& bundle, const BundleOptions& options, Blocks& blocks) {
-  for (PoseBlock& board : blocks.boards) problem.AddParameterBlock(board.data(), 7, new PoseManifold);
-  if (!options.hold_cameras) problem.SetParameterBlockConstant(blocks.boards[bundle.fixed_pose].data());
-  for (std::size_t c = 0; c < blocks.cameras.size(); ++c) {
-    problem.AddParameterBlock(blocks.cameras[c].data(), 7, new PoseManifold);
-    problem.AddParameterBlock(blocks.lenses[c].data(), 9);
-    if (options.hold_cameras) problem.SetParameterBlockConstant(blocks.cameras[c].data());
+  for (std::size_t p = 0; p < blocks.boards(); ++p)
+    problem.AddParameterBlock(blocks.board(p), 7, new PoseManifold);
+  if (!options.hold_cameras) problem.SetParameterBlockConstant(blocks.board(bundle.fixed_pose));
+  for (std::size_t c = 0; c < blocks.cameras(); ++c) {
+    problem.AddParameterBlock(blocks.camera(c), 7, new PoseManifold);
+    problem.AddParameterBlock(blocks.lens(c), 9);
+    if (options.hold_cameras) problem.SetParameterBlockConstant(blocks.camera(c));
     if (options.hold_cameras || options.intrinsics == IntrinsicsMode::Fixed) {
-      problem.SetParameterBlockConstant(blocks.lenses[c].data());
+      problem.SetParameterBlockConstant(blocks.lens(c));
       continue;
     }
     const std::vector<int> constant = constant_lens_indices(options);
     if (!constant.empty()) {
-      problem.SetManifold(blocks.lenses[c].data(), new ceres::SubsetManifold(9, constant));
+      problem.SetManifold(blocks.lens(c), new ceres::SubsetManifold(9, constant));
     }
-    add_prior(problem, blocks.lenses[c], bundle.known[c], bundle.focal_known[c], options);
+    add_prior(problem, blocks.lens(c), bundle.known[c], bundle.focal_known[c], options);
   }
-  problem.AddParameterBlock(blocks.bow.data(), 2);
+  problem.AddParameterBlock(blocks.bow(), 2);
   if (estimates_bow(options)) {
     const ceres::Matrix weight = ceres::Matrix::Identity(2, 2) * (options.noise_px / kBowSigma_mm);
-    problem.AddResidualBlock(new ceres::NormalPrior(weight, ceres::Vector::Zero(2)), nullptr,
-                             blocks.bow.data());
+    problem.AddResidualBlock(new ceres::NormalPrior(weight, ceres::Vector::Zero(2)), nullptr, blocks.bow());
   } else {
-    problem.SetParameterBlockConstant(blocks.bow.data());
+    problem.SetParameterBlockConstant(blocks.bow());
   }
 }
 
@@ -98,11 +101,10 @@ std::vector<std::vector<ceres::ResidualBlockId>> build(ceres::Problem& problem, 
     auto& added = of_view.emplace_back();
     for (std::size_t i = 0; i < view.corners_px.size(); ++i) {
       if (!view.used[i]) continue;
-      added.push_back(
-          problem.AddResidualBlock(new ReprojectionCost(bundle.board_mm[i], shapes[i], view.corners_px[i]),
-                                   options.robust_px > 0 ? new ceres::HuberLoss(options.robust_px) : nullptr,
-                                   blocks.lenses[view.camera].data(), blocks.cameras[view.camera].data(),
-                                   blocks.boards[view.pose].data(), blocks.bow.data()));
+      added.push_back(problem.AddResidualBlock(
+          new ReprojectionCost(bundle.board_mm[i], shapes[i], view.corners_px[i]),
+          options.robust_px > 0 ? new ceres::HuberLoss(options.robust_px) : nullptr, blocks.lens(view.camera),
+          blocks.camera(view.camera), blocks.board(view.pose), blocks.bow()));
     }
   }
   return of_view;

@@ -64,10 +64,10 @@ struct Tally {
 
   void add(const ViewReport& view) {
     if (!view.is_used()) {
-      rejected += static_cast<int>(view.used.size());
+      if (!view.used.empty()) rejected += static_cast<int>(count_seen(view.corners_px));
       return;
     }
-    const int good = static_cast<int>(view.residuals_px.size()) - view.rejected;
+    const int good = static_cast<int>(count_seen(view.corners_px)) - view.rejected;
     ++images;
     corners += good;
     rejected += view.rejected;
@@ -99,7 +99,7 @@ ViewReport report_view(const Sightings::View& view, const Bundle& bundle, std::s
   for (std::size_t i = 0; i < solved.corners_px.size(); ++i) {
     if (solved.used[i]) sum += out.residuals_px[i].squaredNorm();
   }
-  out.rejected = static_cast<int>(std::ssize(solved.used) - good);
+  out.rejected = static_cast<int>(static_cast<std::ptrdiff_t>(count_seen(out.corners_px)) - good);
   out.rms_px = std::sqrt(sum / static_cast<double>(good));
   return out;
 }

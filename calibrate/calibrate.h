@@ -36,7 +36,7 @@ struct ViewReport {
   std::string camera;
   std::string pose;
   std::string reason;                         // why the view was not used; empty when it was
-  std::vector<Eigen::Vector2d> corners_px;    // detected (rows, cols); empty when the board was not found
+  std::vector<Eigen::Vector2d> corners_px;    // as in Detection
   std::vector<Eigen::Vector2d> residuals_px;  // estimated minus detected; empty unless used
   std::vector<bool> used;                     // one for each residual
   bool turned = false;                        // renumbered, as the board looks the same from its other end

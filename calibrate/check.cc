@@ -15,8 +15,10 @@ namespace {
 
 double rms_px(const Bundle& bundle, const BundleView& view) {
   double sum = 0;
-  for (const Eigen::Vector2d& r : residuals_px(bundle, view)) sum += r.squaredNorm();
-  return std::sqrt(sum / static_cast<double>(view.corners_px.size()));
+  for (const Eigen::Vector2d& r : residuals_px(bundle, view)) {
+    if (r.allFinite()) sum += r.squaredNorm();
+  }
+  return std::sqrt(sum / static_cast<double>(count_seen(view.corners_px)));
 }
 
 // The view in the order in which it fits best, of those in which the board looks the same.
@@ -80,7 +82,10 @@ Result<> check_input(const Rig& rig, std::span<const Detection> detections, cons
 
 // Board poses as the cameras of the bundle see them, the cameras held; views of `moved` do not count.
 void place_boards(Bundle& bundle, const std::vector<bool>& moved) {
-  for (BundleView& view : bundle.views) view.used.assign(view.used.size(), !moved[view.camera]);
+  for (BundleView& view : bundle.views) {
+    for (std::size_t i = 0; i < view.used.size(); ++i)
+      view.used[i] = !moved[view.camera] && is_seen(view.corners_px[i]);
+  }
   BundleOptions options;
   options.hold_cameras = true;
   options.robust_px = 0.3;
@@ -94,6 +99,7 @@ std::vector<CameraCheck> judge(const Bundle& bundle, const CheckOptions& options
     CameraCheck& camera = cameras[view.camera];
     ++camera.images;
     for (const Eigen::Vector2d& r : residuals_px(bundle, view)) {
+      if (!r.allFinite()) continue;  // not seen
       ++camera.corners;
       camera.mean_px += r;
       camera.rms_px += r.squaredNorm();

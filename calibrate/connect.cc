@@ -113,8 +113,10 @@ Connected connect(const Sightings& sightings, const Starts& starts, const BoardS
     out.bundle_view.push_back(kNotSolved);
     if (!posed[v] || camera_at[view.camera] == kNotSolved || pose_at[view.pose] == kNotSolved) continue;
     out.bundle_view.back() = out.bundle.views.size();
-    out.bundle.views.push_back({camera_at[view.camera], pose_at[view.pose], view.detection->corners_px,
-                                std::vector<bool>(view.detection->corners_px.size(), true)});
+    std::vector<bool> used;
+    for (const Eigen::Vector2d& corner : view.detection->corners_px) used.push_back(is_seen(corner));
+    out.bundle.views.push_back(
+        {camera_at[view.camera], pose_at[view.pose], view.detection->corners_px, std::move(used)});
   }
   return out;
 }

@@ -166,7 +166,10 @@ class Consensus {
 
 std::vector<BoardTurn> look_alike_turns(const BoardSpec& board) {
   const bool square = board.cols == board.rows, even = board.cols % 2 == 0;
-  const int step = square && even ? 1 : (board.cols + board.rows) % 2 == 0 ? 2 : 4;  // quarters
+  const int step = board.kind == BoardKind::Charuco     ? 4
+                   : square && even                     ? 1
+                   : (board.cols + board.rows) % 2 == 0 ? 2
+                                                        : 4;  // quarters
   const std::vector<Eigen::Vector3d> corners = corners_mm(board);
   std::vector<BoardTurn> turns;
   for (int quarters = 0; quarters < 4; quarters += step) {

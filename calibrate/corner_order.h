@@ -15,8 +15,9 @@ struct BoardTurn {
   std::vector<std::size_t> from;  // (rows, cols)
 };
 
-// The identity first. Boards with one odd and one even side have nothing else; other oblong boards and square
-// ones of odd side look the same after half a turn, square ones of even side after every quarter.
+// The identity first; ChArUco boards have nothing else. Boards with one odd and one even side have nothing
+// else; other oblong boards and square ones of odd side look the same after half a turn, square ones of even
+// side after every quarter.
 std::vector<BoardTurn> look_alike_turns(const BoardSpec& board);
 
 std::vector<Eigen::Vector2d> reordered(const std::vector<Eigen::Vector2d>& corners_px, const BoardTurn& turn);

@@ -8,9 +8,11 @@
 #include <opencv2/imgproc.hpp>
 #include <thread>
 
+#include "calibrate/charuco.h"
 #include "calibrate/corner_order.h"
 #include "calibrate/corner_region.h"
 #include "calibrate/diagnosis.h"
+#include "calibrate/larger_board.h"
 
 namespace flamefield {
 
@@ -29,6 +31,11 @@ Span grey_span(const Image& image) {
     return sample[static_cast<std::size_t>(n)];
   };
   return {at(0.01), at(0.99)};
+}
+
+// OpenCV only reads through this header.
+cv::Mat header_of(const Image& image) {
+  return {image.height_px, image.width_px, CV_32F, const_cast<float*>(image.pixels.data())};
 }
 
 // 8 bits over the span, for the detector; the refinement uses the original levels.
@@ -58,6 +65,15 @@ double smallest_spacing_px(const CornerGrid& grid) {
     }
   }
   return smallest;
+}
+
+int half_window_px(const CornerGrid& grid) {
+  return std::max(2, static_cast<int>(0.45 * smallest_spacing_px(grid)));
+}
+
+void refine(const cv::Mat& grey, std::vector<cv::Point2f>& points, int half_window) {
+  cv::cornerSubPix(grey, points, cv::Size(half_window, half_window), cv::Size(-1, -1),
+                   cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-4));
 }
 
 // Seen from the front, columns run clockwise ahead of rows (image y points down).
@@ -162,6 +178,10 @@ std::vector<cv::Point2f> find_corners(const cv::Mat& bytes, const BoardSpec& boa
 
 }  // namespace
 
+std::size_t count_seen(std::span<const Eigen::Vector2d> corners_px) {
+  return static_cast<std::size_t>(std::ranges::count_if(corners_px, is_seen));
+}
+
 Detection detect_board(const BoardView& view, const BoardSpec& board) {
   Detection out{view.camera, view.pose, view.image.width_px, view.image.height_px, {}, {}};
   if (view.image.pixels.empty()) {
@@ -169,14 +189,18 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
     return out;
   }
   const Span span = grey_span(view.image);
-  // OpenCV only reads through this header.
-  const cv::Mat grey(view.image.height_px, view.image.width_px, CV_32F,
-                     const_cast<float*>(view.image.pixels.data()));
+  const cv::Mat grey = header_of(view.image);
   if (!(span.high > span.low)) {
     out.reason = exposure_fault(grey).value_or("no contrast");
     return out;
   }
   const cv::Mat bytes = to_bytes(grey, span);
+  if (board.kind == BoardKind::Charuco) {
+    CharucoCorners found = find_charuco(grey, bytes, board);
+    out.corners_px = std::move(found.corners_px);
+    if (!out.found()) out.reason = exposure_fault(grey).value_or(found.reason);
+    return out;
+  }
   const CornerRegion region = corner_region(bytes);
   std::vector<cv::Point2f> points;
   if (2 * region.candidates() >= static_cast<int>(board.corners()))
@@ -185,11 +209,14 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
     out.reason = why_not_found(grey, bytes, region, board);
     return out;
   }
+  if (const auto larger = larger_board(bytes, points, board)) {
+    out.reason =
+        concat("another board: looked for ", board.cols, "x", board.rows, " inner corners, found ",
+               std::max(larger->width, larger->height), "x", std::min(larger->width, larger->height));
+    return out;
+  }
   const CornerGrid grid{board, points};
-  const double spacing_px = smallest_spacing_px(grid);
-  const int half_window = std::max(2, static_cast<int>(0.45 * spacing_px));
-  cv::cornerSubPix(grey, points, cv::Size(half_window, half_window), cv::Size(-1, -1),
-                   cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 40, 1e-4));
+  refine(grey, points, half_window_px(grid));
   if (!normalise_order(grid, bytes)) {
     out.reason = "squares have no clear colours";
     return out;
@@ -198,9 +225,45 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
   return out;
 }
 
+std::optional<Detection> track_board(const BoardView& view, const Detection& before, const BoardSpec& board) {
+  if (!before.found() || view.image.width_px != before.image_width_px ||
+      view.image.height_px != before.image_height_px)
+    return std::nullopt;
+  if (board.kind == BoardKind::Charuco) {  // whose corners' windows are for find_charuco to know
+    Detection again = detect_board(view, board);
+    return again.found() ? std::optional(std::move(again)) : std::nullopt;
+  }
+  std::vector<cv::Point2f> points;
+  for (const Eigen::Vector2d& p : before.corners_px)
+    points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
+  const std::vector<cv::Point2f> start = points;
+  const CornerGrid grid{board, points};
+  const int window = half_window_px(grid);
+  const cv::Mat grey = header_of(view.image);
+  refine(grey, points, window);
+  // A picture without the board leaves the points where they are, or scatters them.
+  const Span span = grey_span(view.image);
+  if (!(span.high > span.low)) return std::nullopt;
+  const bool is_there = std::abs(even_minus_odd(grid, to_bytes(grey, span))) > 25;
+  double square_sum = 0;
+  cv::Point2f mean(0, 0);
+  for (std::size_t i = 0; i < points.size(); ++i)
+    mean += (points[i] - start[i]) / static_cast<float>(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    square_sum += std::pow(cv::norm(points[i] - start[i] - mean), 2);
+  const double scatter_px = std::sqrt(square_sum / static_cast<double>(points.size()));
+  if (!is_there || scatter_px > 0.25 * window) return std::nullopt;
+  Detection out{view.camera, view.pose, view.image.width_px, view.image.height_px, {}, {}};
+  for (const cv::Point2f& p : points) out.corners_px.emplace_back(p.x, p.y);
+  return out;
+}
+
 Result<std::vector<Detection>> detect(std::span<const BoardView> views, const BoardSpec& board,
                                       const DetectOptions& options) {
   if (auto ok = validate(board); !ok) return tl::unexpected(ok.error());
+  if (board.kind == BoardKind::Charuco) {
+    if (auto ok = check_dictionary(board); !ok) return tl::unexpected(ok.error());
+  }
   // One image per worker; OpenCV's own threads would only get in the way of ours.
   static std::once_flag once;
   std::call_once(once, [] { cv::setNumThreads(1); });

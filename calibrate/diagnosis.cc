@@ -60,10 +60,10 @@ std::optional<OtherBoard> other_board(const cv::Mat& bytes, const BoardSpec& boa
   if (shorter < 3 || (longer == wanted && shorter == narrow)) return std::nullopt;
   // A part of the board itself may be all that is seen.
   if (longer <= wanted && shorter <= narrow)
-    return OtherBoard{
-        true, concat("only ", longer, "x", shorter, " of ", wanted, "x", narrow, " inner corners are seen")};
-  return OtherBoard{false, concat("another board: ", longer, "x", shorter, " inner corners instead of ",
-                                  wanted, "x", narrow)};
+    return OtherBoard{true, concat("part of a board: looked for ", board.cols, "x", board.rows, " inner corners, found ",
+                                   longer, "x", shorter, " (another board, or the rest is hidden)")};
+  return OtherBoard{false, concat("another board: looked for ", board.cols, "x", board.rows,
+                                  " inner corners, found ", longer, "x", shorter)};
 }
 
 // Grid vectors at each point: to its nearest neighbour, and to the nearest in another direction. Under weak

@@ -106,6 +106,13 @@ Result<VolumeError> volume_error_px(const Rig& estimated, const Rig& truth, cons
   return error;
 }
 
+Rigid3 rigid_alignment(const Rig& estimated, const Rig& truth, const MeasuringVolume& volume) {
+  std::vector<Pair> pairs;
+  for (std::size_t c = 0; c < truth.cameras.size(); ++c)
+    pairs.push_back({&estimated.cameras[c], &truth.cameras[c]});
+  return align(pairs, points_of(volume));
+}
+
 Verdict verdict_of(const VolumeError& error) {
   if (error.worst_px <= 0.2) return Verdict::Green;
   return error.worst_px <= 0.5 ? Verdict::Amber : Verdict::Red;

@@ -35,6 +35,10 @@ enum class Alignment {
 Result<VolumeError> volume_error_px(const Rig& estimated, const Rig& truth, const MeasuringVolume& volume,
                                     Alignment alignment = Alignment::None);
 
+// estimated_from_true world: the rigid motion that makes those shifts smallest. Both rigs hold the same
+// cameras in the same order, at least one.
+Rigid3 rigid_alignment(const Rig& estimated, const Rig& truth, const MeasuringVolume& volume);
+
 // A shift of 0.5 px per view raises the error of a 1.6 mm flame front by 30 %, 1 px by 80 %.
 enum class Verdict { Green, Amber, Red };
 Verdict verdict_of(const VolumeError& error);  // by the worst camera: <= 0.2 px, <= 0.5 px, above

@@ -15,6 +15,7 @@ double robust_sigma_px(const Bundle& bundle) {
   std::vector<double> sizes;
   for (const BundleView& view : bundle.views) {
     for (const Eigen::Vector2d& r : residuals_px(bundle, view)) {
+      if (!r.allFinite()) continue;  // not seen
       sizes.push_back(std::abs(r.x()));
       sizes.push_back(std::abs(r.y()));
     }
@@ -26,13 +27,14 @@ double robust_sigma_px(const Bundle& bundle) {
 // Marks corners further off than `limit_px`; a view that loses half of them is wrong as a whole.
 void reject_corners(Bundle& bundle, double limit_px) {
   for (BundleView& view : bundle.views) {
-    std::size_t good = 0;
+    std::size_t good = 0, seen = 0;
     const std::vector<Eigen::Vector2d> residuals = residuals_px(bundle, view);
     for (std::size_t i = 0; i < residuals.size(); ++i) {
-      view.used[i] = residuals[i].norm() <= limit_px;
+      view.used[i] = residuals[i].norm() <= limit_px;  // false where it was not seen
       good += view.used[i];
+      seen += residuals[i].allFinite();
     }
-    if (2 * good < view.used.size()) view.used.assign(view.used.size(), false);
+    if (2 * good < seen) view.used.assign(view.used.size(), false);
   }
 }
 

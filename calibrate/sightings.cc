@@ -30,8 +30,10 @@ Result<> check_view(const Detection& view, const Detection& first_of_camera, con
         concat("camera ", view.camera, ", pose ", view.pose, ": ", view.corners_px.size(), " corners"),
         concat("the board has ", board.cols, "x", board.rows), "check --board");
   }
-  const bool finite = std::ranges::all_of(view.corners_px, [](const auto& p) { return p.allFinite(); });
-  if (!finite) {
+  const bool may_miss = board.kind == BoardKind::Charuco;
+  const bool good = std::ranges::all_of(
+      view.corners_px, [&](const auto& p) { return is_seen(p) || (may_miss && p.array().isNaN().all()); });
+  if (!good) {
     return invalid_input(concat("camera ", view.camera, ", pose ", view.pose, ": a corner is not a number"),
                          "pixels must be finite", "detect the board again");
   }
@@ -41,9 +43,12 @@ Result<> check_view(const Detection& view, const Detection& first_of_camera, con
 // An earlier view of the camera with the same corners to the last digit: noise makes that impossible.
 const Detection* find_copy(const Sightings& sightings, std::size_t camera, const Detection& detection) {
   if (!detection.found()) return nullptr;
+  const auto is_same = [](const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
+    return a == b || (!is_seen(a) && !is_seen(b));
+  };
   for (const Sightings::View& view : sightings.views) {
     if (view.camera == camera && view.detection != &detection &&
-        view.detection->corners_px == detection.corners_px)
+        std::ranges::equal(view.detection->corners_px, detection.corners_px, is_same))
       return view.detection;
   }
   return nullptr;

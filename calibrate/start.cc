@@ -8,16 +8,20 @@ namespace flamefield {
 
 namespace {
 
-std::vector<cv::Point3f> board_points(const BoardSpec& board) {
+// Of the corners that the view holds.
+std::vector<cv::Point3f> board_points(const BoardSpec& board, const Detection& view) {
   std::vector<cv::Point3f> points;
-  for (const Eigen::Vector3d& p : corners_mm(board)) {
-    points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()), 0.0f);
+  const std::vector<Eigen::Vector3d> corners = corners_mm(board);
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (!is_seen(view.corners_px[i])) continue;
+    points.emplace_back(static_cast<float>(corners[i].x()), static_cast<float>(corners[i].y()), 0.0f);
   }
   return points;
 }
 std::vector<cv::Point2f> image_points(const Detection& view) {
   std::vector<cv::Point2f> points;
   for (const Eigen::Vector2d& p : view.corners_px) {
+    if (!is_seen(p)) continue;
     points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
   }
   return points;
@@ -46,11 +50,12 @@ double rms_px(const Camera& camera, const Rigid3& camera_from_board, const Detec
   at_board.camera_from_world = camera_from_board;
   double sum = 0;
   for (std::size_t i = 0; i < points.size(); ++i) {
+    if (!is_seen(view.corners_px[i])) continue;
     const auto pixel = project(at_board, points[i]);
     if (!pixel) return 1e9;
     sum += (*pixel - view.corners_px[i]).squaredNorm();
   }
-  return std::sqrt(sum / static_cast<double>(points.size()));
+  return std::sqrt(sum / static_cast<double>(count_seen(view.corners_px)));
 }
 
 // Well told from its mirror first; among those, large in the image.
@@ -68,9 +73,12 @@ std::optional<Camera> single_camera_start(std::span<const Detection* const> view
   camera.name = views[0]->camera;
   camera.image_width_px = views[0]->image_width_px;
   camera.image_height_px = views[0]->image_height_px;
-  const std::vector<std::vector<cv::Point3f>> objects(views.size(), board_points(board));
+  std::vector<std::vector<cv::Point3f>> objects;
   std::vector<std::vector<cv::Point2f>> images;
-  for (const Detection* view : views) images.push_back(image_points(*view));
+  for (const Detection* view : views) {
+    objects.push_back(board_points(board, *view));
+    images.push_back(image_points(*view));
+  }
   const cv::Size size(camera.image_width_px, camera.image_height_px);
   try {
     cv::Mat k = cv::initCameraMatrix2D(objects, images, size, 1.0),
@@ -97,7 +105,7 @@ std::optional<Camera> single_camera_start(std::span<const Detection* const> view
 }
 
 std::optional<SinglePose> single_pose(const Camera& camera, const Detection& view, const BoardSpec& board) {
-  const std::vector<cv::Point3f> object = board_points(board);
+  const std::vector<cv::Point3f> object = board_points(board, view);
   const std::vector<cv::Point2f> image = image_points(view);
   const std::vector<Eigen::Vector3d> points = corners_mm(board);
   const cv::Matx33d k = matrix_of(camera);

@@ -46,13 +46,13 @@ Layout layout_of(const Bundle& bundle, const BundleOptions& options) {
 
 std::vector<double*> order_of(Blocks& blocks, const Layout& layout) {
   std::vector<double*> order;
-  for (std::size_t c = 0; c < blocks.cameras.size(); ++c) {
-    order.push_back(blocks.cameras[c].data());
-    if (!layout.free_lens.empty()) order.push_back(blocks.lenses[c].data());
+  for (std::size_t c = 0; c < blocks.cameras(); ++c) {
+    order.push_back(blocks.camera(c));
+    if (!layout.free_lens.empty()) order.push_back(blocks.lens(c));
   }
-  for (std::size_t p = 0; p < blocks.boards.size(); ++p)
-    if (layout.board[p] >= 0) order.push_back(blocks.boards[p].data());
-  if (layout.bow >= 0) order.push_back(blocks.bow.data());
+  for (std::size_t p = 0; p < blocks.boards(); ++p)
+    if (layout.board[p] >= 0) order.push_back(blocks.board(p));
+  if (layout.bow >= 0) order.push_back(blocks.bow());
   return order;
 }
 
@@ -88,7 +88,7 @@ struct ViewNormal {
 class Normal {
  public:
   Normal(const Bundle& bundle, const BundleOptions& options) : layout_(layout_of(bundle, options)) {
-    Blocks blocks = blocks_of(bundle);
+    Blocks blocks(bundle);
     ceres::Problem problem;
     const auto of_view = build(problem, bundle, options, blocks);
     const std::vector<double*> order = order_of(blocks, layout_);

@@ -113,8 +113,10 @@ class Plate {
     double plate = 0;    // share that hits the plate
     double pattern = 0;  // share of the axis-aligned footprint inside the squares
     double parity = 0;   // mean of +1 (dark) and -1 (white)
+    double ink = 0;      // share that markers cover
     bool is_uniform() const {
-      return plate == 0 || (plate == 1 && (pattern == 0 || (pattern == 1 && std::abs(parity) == 1)));
+      return plate == 0 ||
+             (plate == 1 && (pattern == 0 || (pattern == 1 && std::abs(parity) == 1 && (ink == 0 || ink == 1))));
     }
   };
   Cover cover(const Eigen::Vector2d& at, const Eigen::Vector2d& width) const {
@@ -125,15 +127,41 @@ class Plate {
     c.pattern = u_axis_.inside(at.x(), width.x(), u_axis_.half_pattern_mm()) *
                 v_axis_.inside(at.y(), width.y(), v_axis_.half_pattern_mm());
     if (c.pattern > 0) c.parity = u_axis_.stripes(at.x(), width.x()) * v_axis_.stripes(at.y(), width.y());
+    if (c.pattern > 0 && c.parity < 1 && !scene_.markers.empty()) c.ink = marker_ink(at, width);
     return c;
+  }
+
+  // Share of an axis-aligned footprint that is covered by dark cells of markers.
+  double marker_ink(const Eigen::Vector2d& at, const Eigen::Vector2d& width) const {
+    const BoardSpec& board = scene_.board;
+    const auto number = [&](double mm, int squares) {
+      return static_cast<int>(std::floor(mm / board.square_mm + 0.5 * squares));
+    };
+    const int rows = board.rows + 1, cols = board.cols + 1;
+    const int c0 = std::max(0, number(at.x() - 0.5 * width.x(), cols)),
+              c1 = std::min(cols - 1, number(at.x() + 0.5 * width.x(), cols)),
+              r0 = std::max(0, number(at.y() - 0.5 * width.y(), rows)),
+              r1 = std::min(rows - 1, number(at.y() + 0.5 * width.y(), rows));
+    double covered_mm2 = 0;
+    for (int row = r0; row <= r1; ++row) {
+      for (int col = c0; col <= c1; ++col) {
+        if ((row + col) % 2 == 0) continue;  // dark square
+        // White squares of the rows above, then those to the left.
+        const int id = (row * cols) / 2 + col / 2;
+        const Eigen::Vector2d centre((col - 0.5 * board.cols) * board.square_mm,
+                                     (row - 0.5 * board.rows) * board.square_mm);
+        covered_mm2 += ink_of(scene_.markers[static_cast<std::size_t>(id)], at - centre, width);
+      }
+    }
+    return covered_mm2 / (width.x() * width.y());
   }
 
   double electrons(const Cover& cover, const Eigen::Vector2d& at, double background) const {
     if (cover.plate <= 0) return background;
     double albedo = scene_.back_albedo;
     if (face_) {
-      const double dark = 0.5 * (1 + cover.parity);
-      albedo = scene_.white_albedo + cover.pattern * dark * (scene_.dark_albedo - scene_.white_albedo);
+      const double dark = cover.pattern * 0.5 * (1 + cover.parity) + cover.ink;
+      albedo = scene_.white_albedo + dark * (scene_.dark_albedo - scene_.white_albedo);
     }
     const double slope = 0.8 * at.x() / u_axis_.half_plate_mm() - 0.6 * at.y() / v_axis_.half_plate_mm();
     const double light = light_ * (1 + scene_.light_gradient * slope);
@@ -141,6 +169,26 @@ class Plate {
   }
 
  private:
+  // Area of the footprint on dark cells of one marker; `at` from its middle.
+  double ink_of(const MarkerPattern& marker, const Eigen::Vector2d& at, const Eigen::Vector2d& width) const {
+    const double cell_mm = scene_.board.marker_mm / marker.cells, half = 0.5 * scene_.board.marker_mm;
+    const auto overlap = [&](double middle, double span, int cell) {
+      const double low = std::max(middle - 0.5 * span, cell * cell_mm - half),
+                   high = std::min(middle + 0.5 * span, (cell + 1) * cell_mm - half);
+      return std::max(0.0, high - low);
+    };
+    double area = 0;
+    for (int row = 0; row < marker.cells; ++row) {
+      const double tall = overlap(at.y(), width.y(), row);
+      if (tall == 0) continue;
+      for (int col = 0; col < marker.cells; ++col) {
+        if (marker.dark[static_cast<std::size_t>(row * marker.cells + col)])
+          area += tall * overlap(at.x(), width.x(), col);
+      }
+    }
+    return area;
+  }
+
   const BoardScene& scene_;
   Axis u_axis_, v_axis_;
   bool face_ = true;

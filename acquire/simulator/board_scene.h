@@ -1,5 +1,7 @@
 #pragma once
 
+#include <vector>
+
 #include "proto/board.h"
 #include "proto/camera.h"
 #include "proto/image.h"
@@ -9,6 +11,7 @@ namespace flamefield {
 // A printed checkerboard on a plate under ordinary room light, as a lens shows it to a sensor.
 struct BoardScene {
   BoardSpec board = {};
+  std::vector<MarkerPattern> markers = {};  // in the white squares, see marker_centres_mm(); may be empty
   double border_mm = 10;                // white rim around the outer squares
   double white_albedo = 0.80;           // of the paper
   double dark_albedo = 0.08;            // of the ink: never quite black

@@ -37,7 +37,9 @@ Result<std::unique_ptr<Laboratory>> Laboratory::open(const LaboratoryOptions& op
   poses.last_azimuth_rad = (options.cameras - 1) * TrueRigOptions{}.spacing_rad;
   poses.centre_mm = {0, options.height_mm, 0};
   poses.seed = options.seed;
-  SimulatedBurner::Options burner{laboratory->true_rig_, {}, board_poses(poses)};
+  SimulatedBurner::Options burner;
+  burner.true_rig = laboratory->true_rig_;
+  burner.world_from_board = board_poses(poses);
   burner.board.full_scale_electrons = 2200;  // the room light fills the scale at the flame's gain
   laboratory->board_ = burner.board.board;
   laboratory->world_from_reference_board_ = burner.world_from_board.front();

@@ -59,8 +59,19 @@ TEST(Diagnosis, ASaturatedBoardIsOverexposed) {
 
 TEST(Diagnosis, SaysWhichBoardItSaw) {
   const Image image = picture(facing(10), 0.7, 1, {9, 6, 12});
-  EXPECT_THAT(reason(image, {11, 8, 12}), HasSubstr("only 9x6 of 11x8"));
-  EXPECT_THAT(reason(image, {8, 7, 12}), HasSubstr("another board: 9x6 inner corners instead of 8x7"));
+  EXPECT_THAT(reason(image, {11, 8, 12}), HasSubstr("looked for 11x8 inner corners, found 9x6"));
+  EXPECT_THAT(reason(image, {8, 7, 12}), HasSubstr("another board: looked for 8x7 inner corners, found 9x6"));
+}
+
+// Which part of the larger board would be seen, nobody could tell.
+TEST(Diagnosis, ABoardInsideALargerOneIsRefusedAndTheLargerOneNamed) {
+  for (double angle : {0.0, 25.0, -50.0}) {
+    const Image image = picture(facing(angle), 0.7, 1, {9, 6, 12});
+    EXPECT_EQ(reason(image, {9, 6, 12}), "found") << angle;
+    for (const BoardSpec& asked :
+         {BoardSpec{8, 6, 12}, BoardSpec{9, 5, 12}, BoardSpec{7, 4, 12}, BoardSpec{5, 8, 12}})
+      EXPECT_THAT(reason(image, asked), HasSubstr("inner corners, found 9x6")) << angle << ' ' << asked.cols;
+  }
 }
 
 TEST(Diagnosis, AnEmptyRoomIsNoBoard) {

@@ -118,6 +118,34 @@ TEST(Session, APictureThatIsGivenTwiceCountsOnce) {
   EXPECT_THAT(solved(session).error().message, HasSubstr("only one board pose"));
 }
 
+// Wherever memory happens to lie: Ceres sums in the order of addresses.
+TEST(Session, SolvedAgainItIsTheSameToTheLastBit) {
+  const Session session = session_with(6, 10, {8, 6, 10}, 41);
+  const auto once = solved(session);
+  ASSERT_TRUE(once) << once.error().message;
+  std::mt19937_64 engine(5);
+  for (int repeat = 0; repeat < 4; ++repeat) {
+    // Holes of all sizes, so that the next blocks come to lie in another order.
+    std::vector<std::vector<double>> litter;
+    for (int i = 0; i < 400; ++i) litter.emplace_back(1 + engine() % 3000);
+    for (std::size_t i = 0; i < litter.size(); ++i)
+      if (engine() % 2 == 0) std::vector<double>().swap(litter[i]);
+    const auto again = solved(session);
+    ASSERT_TRUE(again);
+    for (std::size_t c = 0; c < once->rig.cameras.size(); ++c) {
+      const Camera &a = once->rig.cameras[c], &b = again->rig.cameras[c];
+      EXPECT_EQ(a.fx_px, b.fx_px) << repeat << ' ' << a.name;
+      EXPECT_EQ(a.distortion, b.distortion);
+      EXPECT_EQ(a.camera_from_world.rotation, b.camera_from_world.rotation);
+      EXPECT_EQ(a.camera_from_world.translation_mm, b.camera_from_world.translation_mm);
+      EXPECT_EQ(once->rig.quality->cameras[c].position_sigma_mm,
+                again->rig.quality->cameras[c].position_sigma_mm);
+    }
+    EXPECT_EQ(once->expected_volume_error.mean_px, again->expected_volume_error.mean_px);
+    EXPECT_EQ(once->split_half->translation_mm, again->split_half->translation_mm);
+  }
+}
+
 TEST(Session, BoardsThatAreAllParallelCannotTellTheLens) {
   Session session = session_with(5, 8, {}, 35);
   for (std::size_t k = 0; k < session.poses.size(); ++k) {
