@@ -24,6 +24,12 @@ bool is_yaml(const std::filesystem::path& path) {
 
 // colmap/ or any other folder, kalibr or camchain.yaml, ring.cameramodel.
 void convert_rig(const Options& options) {
+  if (options.in.filename() == "camchain.yaml") {
+    or_usage(options.out.extension() == ".yaml"
+                 ? Result<>()
+                 : invalid_input(options.out.string(), "a camera chain becomes a rig", "name it rig.yaml"));
+    return or_fail(write_rig(options.out, or_fail(read_kalibr(options.in))));
+  }
   const Rig rig = or_fail(read_rig(options.in));
   if (options.out.extension() == ".cameramodel") return or_fail(export_mrcal(options.out, rig));
   if (is_yaml(options.out)) return or_fail(export_kalibr(options.out, rig));
@@ -71,8 +77,10 @@ void add_convert(CLI::App& app, Session& session) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand("convert", "Translate volumes, projections and rigs for other programs");
   command
-      ->add_option("IN", options->in,
-                   "Volume .vtkhdf .vti .tif .npy; projections .nxs .npy .tif; recording .nxs; rig.yaml")
+      ->add_option(
+          "IN", options->in,
+          "Volume .vtkhdf .vti .tif .npy; projections .nxs .npy .tif; recording .nxs; rig.yaml; Kalibr's "
+          "camchain.yaml")
       ->required();
   command
       ->add_option("OUT", options->out,

@@ -95,6 +95,42 @@ for i in range(3):
   expect_pixels(rig, result.out, 1e-6);
 }
 
+// Kalibr itself is not packaged by Debian; its camera chain is YAML, read here by PyYAML and projected as its
+// pinhole-radtan model says. The first camera's frame stands for the world.
+TEST(RigReaders, KalibrsCameraChainProjectsAsWeDoInThePointOfViewOfItsFirstCamera) {
+  if (!has("/usr/bin/python3 -c 'import yaml, numpy'"))
+    GTEST_SKIP() << "python3-yaml or numpy is not installed";
+  const Scratch scratch;
+  Rig rig = some_rig();
+  ASSERT_TRUE(export_kalibr(scratch / "camchain.yaml", rig));
+  overwrite(scratch / "read.py", R"(
+import yaml, numpy as np
+points = 1e-3 * np.array()" + points_text() +
+                                     R"(, float)
+chain = yaml.safe_load(open('camchain.yaml'))
+motion = np.eye(4)
+for i in range(3):
+    c = chain['cam%d' % i]
+    if i > 0: motion = np.array(c['T_cn_cnm1'], float) @ motion
+    fx, fy, cx, cy = c['intrinsics']
+    k1, k2, p1, p2 = c['distortion_coeffs']
+    p = points @ motion[:3, :3].T + motion[:3, 3] + motion[:3, :3] @ np.array([0, 0, 0.6])
+    x, y = p[:, 0] / p[:, 2], p[:, 1] / p[:, 2]
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2 * r2
+    u = x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    v = y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    for a, b in zip(fx * u + cx, fy * v + cy): print(repr(float(a)), repr(float(b)))
+)");
+  const ProgramResult result = shell(scratch.path(), "/usr/bin/python3 read.py");
+  ASSERT_EQ(result.exit_code, 0) << result.err;
+  const Rigid3 world_from_first = rig.cameras[0].camera_from_world.inverse();
+  const Rigid3 ahead{Eigen::Matrix3d::Identity(), {0, 0, 600}};
+  for (Camera& camera : rig.cameras)
+    camera.camera_from_world = camera.camera_from_world * world_from_first * ahead;
+  expect_pixels(rig, result.out, 1e-6);
+}
+
 // Through COLMAP's reader and its binary writer and back: the numbers of the text survive.
 TEST(RigReaders, ColmapReadsOurTextModelAndWritesTheSame) {
   if (!has("colmap help")) GTEST_SKIP() << "colmap is not installed";

@@ -170,5 +170,53 @@ TEST(RigExport, TellsThatKalibrHasNoK3) {
   EXPECT_NE(read_text_file(scratch / "camchain.yaml")->find("T_cn_cnm1"), std::string::npos);
 }
 
+TEST(RigExport, AKalibrCameraChainComesBackButForTheWorld) {
+  const Scratch scratch;
+  Rig rig = two_cameras();
+  for (Camera& camera : rig.cameras) camera.distortion[4] = 0;
+  ASSERT_TRUE(export_kalibr(scratch / "camchain.yaml", rig));
+  const auto back = read_kalibr(scratch / "camchain.yaml");
+  ASSERT_TRUE(back) << back.error().message;
+  ASSERT_EQ(back->cameras.size(), 2u);
+  const Rigid3 world_from_first = rig.cameras[0].camera_from_world.inverse();
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Camera &ours = rig.cameras[i], &theirs = back->cameras[i];
+    EXPECT_EQ(theirs.name, ours.name);
+    EXPECT_EQ(theirs.image_width_px, ours.image_width_px);
+    EXPECT_EQ(theirs.fx_px, ours.fx_px);
+    EXPECT_EQ(theirs.cy_px, ours.cy_px);
+    EXPECT_EQ(theirs.distortion, ours.distortion);
+    const Rigid3 expected = ours.camera_from_world * world_from_first;
+    EXPECT_LT((theirs.camera_from_world.rotation - expected.rotation).norm(), 1e-12);
+    EXPECT_LT((theirs.camera_from_world.translation_mm - expected.translation_mm).norm(), 1e-9);
+  }
+}
+
+TEST(RigExport, ReadsWhatKalibrItselfWrites) {
+  const Scratch scratch;
+  overwrite(
+      scratch / "camchain.yaml",
+      "cam0:\n  cam_overlaps: [1]\n  camera_model: pinhole\n  distortion_coeffs: [-0.2, 0.05, 1.0e-04, 0]\n"
+      "  distortion_model: radtan\n  intrinsics: [461.6, 460.2, 362.6, 248.1]\n  resolution: [752, 480]\n"
+      "  rostopic: /cam0/image_raw\n"
+      "cam1:\n  T_cn_cnm1:\n  - [1.0, 0.0, 0.0, -0.11]\n  - [0.0, 1.0, 0.0, 0.0]\n"
+      "  - [0.0, 0.0, 1.0, 0.0]\n  - [0.0, 0.0, 0.0, 1.0]\n  cam_overlaps: [0]\n  camera_model: pinhole\n"
+      "  distortion_coeffs: [-0.2, 0.05, 0.0, 0.0]\n  distortion_model: radtan\n"
+      "  intrinsics: [460.0, 459.0, 370.0, 250.0]\n  resolution: [752, 480]\n  rostopic: /right/image_raw\n");
+  const auto rig = read_kalibr(scratch / "camchain.yaml");
+  ASSERT_TRUE(rig) << rig.error().message;
+  EXPECT_EQ(rig->cameras[1].name, "right");
+  EXPECT_NEAR(rig->cameras[1].camera_from_world.translation_mm.x(), -110, 1e-9);
+  EXPECT_EQ(rig->cameras[0].distortion[2], 1e-4);
+  const auto fault = [&](const std::string& text) {
+    overwrite(scratch / "camchain.yaml", text);
+    const auto read = read_kalibr(scratch / "camchain.yaml");
+    return read ? "read" : read.error().message;
+  };
+  EXPECT_NE(fault("cam0:\n  camera_model: omni\n").find("cam0.camera_model"), std::string::npos);
+  EXPECT_NE(fault("other: 1\n").find("cam0"), std::string::npos);
+  EXPECT_NE(fault("{").find("camchain.yaml"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace flamefield
