@@ -4,13 +4,17 @@
 #include <algorithm>
 #include <iostream>
 
+#include "services/calibration/flame_check.h"
+#include "services/calibration/output.h"
 #include "services/cli/board_images.h"
+#include "services/cli/board_options.h"
 #include "services/cli/calibration_output.h"
 #include "services/cli/commands.h"
 #include "services/cli/detection_cache.h"
 #include "services/cli/options.h"
 #include "services/cli/progress.h"
 #include "services/store/file.h"
+#include "services/store/projection_file.h"
 #include "services/store/rig_file.h"
 
 namespace flamefield {
@@ -18,13 +22,14 @@ namespace flamefield {
 namespace {
 
 struct Options {
-  std::vector<std::filesystem::path> images;
-  std::string board = "9x6", board_type = "checkerboard", intrinsics = "prior", reference;
-  double square_mm = 0;
+  std::vector<std::filesystem::path> images, projections;
+  DomainOptions domain;
+  BoardOptions board;
+  std::string intrinsics = "prior", reference;
   double focal_px = 0;
   std::vector<double> reference_centre_mm = {0, 0, 0};
   double reference_azimuth_deg = 0;
-  std::filesystem::path known, rig, out, report, cache;
+  std::filesystem::path known, rig, out, report, cache, compare;
   std::vector<double> volume_mm = {60, 80};
   std::vector<std::string> free;
   bool board_bow = false, allow_loose = false, json = false;
@@ -43,12 +48,6 @@ std::vector<Detection> detect_all(const std::vector<BoardView>& views, const Boa
   session.check_stop();
   if (!cache_file.empty()) or_fail(cache.write(cache_file));
   return detections;
-}
-
-BoardSpec board_of(const Options& options) {
-  const BoardSpec board = or_usage(board_from_text(options.board, options.square_mm));
-  or_usage(validate(board));
-  return board;
 }
 
 CalibrationOptions calibration_of(const Options& options) {
@@ -75,8 +74,16 @@ CalibrationOptions calibration_of(const Options& options) {
   return calibration;
 }
 
+// What has changed since an earlier calibration.
+std::optional<RigComparison> comparison_with(const std::filesystem::path& rig,
+                                             const CalibrationReport& report) {
+  if (rig.empty()) return std::nullopt;
+  return or_fail_about(rig, compare_rigs(report.rig, or_fail(read_rig(rig)), report.volume));
+}
+
 void solve(const Options& options, const Session& session) {
-  const BoardSpec board = board_of(options);
+  const BoardSpec board = board_of(options.board);
+  if (!options.compare.empty()) (void)or_fail(read_rig(options.compare));  // before the work
   const CalibrationOptions calibration = calibration_of(options);
   or_fail(check_writable(options.out));
   if (!options.report.empty()) {
@@ -84,21 +91,60 @@ void solve(const Options& options, const Session& session) {
     std::filesystem::create_directories(options.report, ignored);
     or_fail(check_writable(options.report / "report.html"));
   }
-  const auto detections = detect_all(read_board_views(options.images), board, options.cache, session);
+  const std::vector<BoardView> views = read_board_views(options.images);
+  const auto detections = detect_all(views, board, options.cache, session);
   const CalibrationReport report = or_fail(calibrate(detections, board, calibration));
   session.check_stop();
+  const auto comparison = comparison_with(options.compare, report);
   or_fail(write_rig(options.out, report.rig));
   if (!options.report.empty())
-    or_fail(write_calibration_report(options.report, report, board, session.command_line()));
+    or_fail(write_calibration_report(options.report, report,
+                                     {.board = board,
+                                      .command_line = session.command_line(),
+                                      .comparison = comparison,
+                                      .compared_with = options.compare.string(),
+                                      .views = views}));
   if (options.json) {
     std::cout << json_text(report);
   } else {
     print(report, options.out);
+    if (comparison) print(*comparison, options.compare.string());
   }
 }
 
+// Ends the command with exit code 1 when a camera has moved.
+void refuse_moved(const std::vector<std::string>& cameras, const std::string& why) {
+  if (cameras.empty()) return;
+  std::string names;
+  for (const std::string& camera : cameras) names += (names.empty() ? "" : ", ") + camera;
+  throw CommandFailure{ExitCode::Failed, concat("moved: ", names, " (", why, ") calibrate again")};
+}
+
+void check_by_flame(const Options& options, const Session& session) {
+  const Rig rig = or_fail(read_rig(options.rig));
+  if (options.domain.size.empty())
+    throw CommandFailure{ExitCode::Usage,
+                         "--size is missing (the flame has to be reconstructed) give it as for "
+                         "'flamefield reconstruct'"};
+  std::vector<Projections> sets;
+  for (const auto& path : options.projections) sets.push_back(or_fail(read_projections(path, &rig)));
+  const FlameCheck found =
+      or_fail(check_by_flame(rig, options.domain.grid(), sets, {.stop = session.stop()}));
+  if (options.json) {
+    std::cout << json_text(found);
+  } else {
+    print(found);
+  }
+  refuse_moved(found.moved, "the flame's pictures do not fit what the other cameras foretell");
+}
+
 void check_ring(const Options& options, const Session& session) {
-  const BoardSpec board = board_of(options);
+  if (!options.projections.empty()) return check_by_flame(options, session);
+  if (options.images.empty() || options.board.square_mm == 0)
+    throw CommandFailure{ExitCode::Usage,
+                         "nothing to check with (neither pictures of a board nor of a flame) give "
+                         "IMAGES and --square-mm, or --projections and --size"};
+  const BoardSpec board = board_of(options.board);
   const Rig rig = or_fail(read_rig(options.rig));
   const auto detections = detect_all(read_board_views(options.images, &rig), board, options.cache, session);
   const CheckReport report = or_fail(check(rig, detections, board));
@@ -107,24 +153,18 @@ void check_ring(const Options& options, const Session& session) {
   } else {
     print(report);
   }
-  if (report.moved.empty()) return;
-  std::string moved;
-  for (const std::string& camera : report.moved) moved += (moved.empty() ? "" : ", ") + camera;
-  throw CommandFailure{
-      ExitCode::Failed,
-      concat("moved: ", moved, " (the board is not where the rig expects it) calibrate again")};
+  refuse_moved(report.moved, "the board is not where the rig expects it");
 }
 
-void add_board(CLI::App& command, Options& options, const std::string& what) {
-  command.add_option("IMAGES", options.images, what)->required();
-  command.add_option("--board", options.board, "Inner corners of the board")->capture_default_str();
-  command.add_option("--square-mm", options.square_mm, "Side of a square")->required();
-  command.add_option("--board-type", options.board_type, "Kind of board")
-      ->check(CLI::IsMember({"checkerboard"}))
-      ->capture_default_str();
+// Returns IMAGES and --square-mm.
+std::pair<CLI::Option*, CLI::Option*> add_board(CLI::App& command, Options& options,
+                                                const std::string& what) {
+  CLI::Option* images = command.add_option("IMAGES", options.images, what);
+  CLI::Option* square = add_board_options(command, options.board);
   command.add_option("--cache", options.cache,
                      "File that keeps the corners found, so that no picture is searched twice");
   command.add_flag("--json", options.json, "Print the result as JSON");
+  return {images, square};
 }
 
 }  // namespace
@@ -136,9 +176,12 @@ void add_calibrate(CLI::App& app, Session& session) {
   auto options = std::make_shared<Options>();
   auto* command =
       calibrate_command->add_subcommand("solve", "Calibrate the whole ring from pictures of a board");
-  add_board(*command, *options,
-            "One folder a camera, named as it; equal file names show the same board pose. A folder of such "
-            "folders or a recorded session (.nxs) will do");
+  const auto [images, square] = add_board(
+      *command, *options,
+      "One folder a camera, named as it; equal file names show the same board pose. A folder of such "
+      "folders or a recorded session (.nxs) will do");
+  images->required();
+  square->required();
   command->add_option("--intrinsics", options->intrinsics, "fixed, prior or free")
       ->check(CLI::IsMember({"fixed", "prior", "free"}))
       ->capture_default_str();
@@ -167,6 +210,7 @@ void add_calibrate(CLI::App& app, Session& session) {
   command->add_option("--reference-azimuth-deg", options->reference_azimuth_deg, "Where its face looks")
       ->capture_default_str();
   command->add_option("--out", options->out, "Rig to write: rig.yaml")->required();
+  command->add_option("--compare", options->compare, "Earlier rig: name the cameras that have moved since");
   command->add_option("--report", options->report, "Folder for report.html and calibration.json");
   command->footer(
       "Example:\n  flamefield calibrate solve boards/* --board 9x6 --square-mm 25 --out rig.yaml");
@@ -179,8 +223,15 @@ void add_calibrate(CLI::App& app, Session& session) {
   add_board(*check_command, *check_options,
             "One picture a camera of the same board pose, named as it (cam00.png ...), or more poses as for "
             "solve. Three cameras that see the board are enough");
+  check_command
+      ->add_option("--projections", check_options->projections,
+                   "Instead of a board: prepared pictures of a flame, one file a set")
+      ->check(CLI::ExistingFile);
+  add_domain(*check_command, check_options->domain, false);
   check_command->footer(
-      "Example:\n  flamefield calibrate check --rig rig.yaml today/cam*.png --board 9x6 --square-mm 25");
+      "Examples:\n  flamefield calibrate check --rig rig.yaml today/cam*.png --board 9x6 --square-mm 25\n"
+      "  flamefield calibrate check --rig cropped.yaml --projections p.nxs --size 52,55,52 --spacing-mm "
+      "1.32");
   check_command->callback(
       [check_options, &session] { session.choose([=, &session] { check_ring(*check_options, session); }); });
 }

@@ -5,18 +5,15 @@
 
 #include "calibrate/calibrate.h"
 #include "calibrate/check.h"
-#include "services/cli/app.h"
+#include "calibrate/compare.h"
+#include "services/calibration/flame_check.h"
 
 namespace flamefield {
 
-// What `calibrate` says: JSON, a table on stdout, and the page of --report.
-std::string json_text(const CalibrationReport& report);
-std::string json_text(const CheckReport& report);
+// What `calibrate` prints: tables on stdout.
 void print(const CalibrationReport& report, const std::filesystem::path& rig);
 void print(const CheckReport& report);
-
-// calibration.json and report.html in `folder`, which must exist.
-Result<> write_calibration_report(const std::filesystem::path& folder, const CalibrationReport& report,
-                                  const BoardSpec& board, const std::string& command_line);
+void print(const FlameCheck& check);
+void print(const RigComparison& comparison, const std::string& with);
 
 }  // namespace flamefield

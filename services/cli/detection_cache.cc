@@ -1,6 +1,7 @@
 #include "services/cli/detection_cache.h"
 
 #include <cstdint>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "proto/version.h"
@@ -20,8 +21,9 @@ std::string key_of(const BoardView& view, const BoardSpec& board) {
     for (std::size_t i = 0; i < size; ++i) hash = (hash ^ bytes[i]) * 1099511628211u;
   };
   add(view.image.pixels.data(), view.image.pixels.size() * sizeof(float));
-  return concat(program_version(), ' ', board.cols, 'x', board.rows, ' ', view.image.width_px, 'x',
-                view.image.height_px, ' ', hash);
+  return concat(program_version(), ' ', name_of(board.kind), ' ', board.cols, 'x', board.rows, ' ',
+                board.dictionary, board.dictionary.empty() ? 0 : board.marker_mm / board.square_mm, ' ',
+                view.image.width_px, 'x', view.image.height_px, ' ', hash);
 }
 
 }  // namespace
@@ -35,9 +37,12 @@ DetectionCache DetectionCache::read(const std::filesystem::path& path) {
   try {
     for (const auto& [key, value] : json.at("pictures").items()) {
       Entry entry{{}, value.at("reason").get<std::string>()};
-      const auto numbers = value.at("corners_px").get<std::vector<double>>();
+      const auto& numbers = value.at("corners_px");
+      const auto number = [&](std::size_t i) {  // JSON has null for what is not a number
+        return numbers[i].is_null() ? std::numeric_limits<double>::quiet_NaN() : numbers[i].get<double>();
+      };
       for (std::size_t i = 0; i + 1 < numbers.size(); i += 2)
-        entry.corners_px.emplace_back(numbers[i], numbers[i + 1]);
+        entry.corners_px.emplace_back(number(i), number(i + 1));
       cache.entries_[key] = std::move(entry);
     }
   } catch (const nlohmann::json::exception&) {

@@ -61,6 +61,13 @@ struct ReportField {
 };
 
 struct CalibrationReport;  // calibrate/calibrate.h
+struct RigComparison;      // calibrate/compare.h
+
+// A picture of the board, and the session's view that belongs to it by camera and pose.
+struct ReportOverlay {
+  std::string camera, pose;
+  Image image;  // grey levels on any scale
+};
 
 struct ReportCalibration {
   Rig rig;                                 // as estimated, with its quality
@@ -74,6 +81,9 @@ struct ReportCalibration {
   std::vector<std::vector<double>> rms_px;  // (cameras, poses); unknown where a camera did not see the board
   std::vector<float> residuals_px;          // x and y of every corner
   std::shared_ptr<const CalibrationReport> session = {};  // the session behind it, picture by picture
+  std::shared_ptr<const RigComparison> comparison = {};   // against an earlier calibration,
+  std::string compared_with = {};                         // and which
+  std::vector<ReportOverlay> overlays = {};               // pictures that the report shows with their corners
 };
 
 // Pulses seen = frames stored + losses, by name.

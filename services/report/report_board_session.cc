@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "calibrate/calibrate.h"
+#include "calibrate/compare.h"
 #include "services/report/html.h"
 #include "services/report/plot.h"
 #include "services/report/report_sections.h"
@@ -213,6 +214,75 @@ Plot volume_plot(const CalibrationReport& r) {
   return plot;
 }
 
+// By how much each camera points elsewhere than in the calibration before.
+std::string comparison_table(const ReportCalibration& c) {
+  if (!c.comparison) return {};
+  std::vector<std::vector<std::string>> rows = {{"Camera", "Shift in the measuring volume (px)", ""}};
+  for (const CameraShift& camera : c.comparison->cameras)
+    rows.push_back({escaped(camera.camera), number(camera.shift_px),
+                    camera.moved ? "<span class=\"chip poor\">✗ moved</span>" : ""});
+  std::string others;
+  for (const std::string& name : c.comparison->added) others += concat(" ", escaped(name), " is new.");
+  for (const std::string& name : c.comparison->missing) others += concat(" ", escaped(name), " is gone.");
+  return concat("<h3>Since ", escaped(c.compared_with),
+                "</h3><p class=\"why\">The worlds of both are laid upon each "
+                "other by the cameras that agree: the board on the burner stood ",
+                number(c.comparison->world_shift_mm, 2), " mm and ",
+                number(c.comparison->world_turn_rad * 180 / std::numbers::pi, 2), "° elsewhere.", others,
+                "</p>", table(rows, "numbers"));
+}
+
+// A picture with its corners: circles where they were used, crosses where they were rejected, and lines that
+// show the residual enlarged.
+std::string overlay_svg(const ReportOverlay& overlay, const ViewReport& view) {
+  constexpr double kEnlarged = 100;
+  const Image& image = overlay.image;
+  const auto [low, high] = std::ranges::minmax(image.pixels);
+  ColourMap grey;
+  for (std::size_t i = 0; i < grey.size(); ++i) grey[i].fill(static_cast<std::uint8_t>(i));
+  std::string out =
+      concat("<svg viewBox=\"0 0 ", image.width_px, " ", image.height_px, "\" role=\"img\"><image width=\"",
+             image.width_px, "\" height=\"", image.height_px, "\" href=\"data:image/png;base64,",
+             base64(png_from(coloured(image, grey, {low, high}))), "\"/>");
+  for (std::size_t i = 0; i < view.residuals_px.size(); ++i) {
+    if (!view.corners_px[i].allFinite()) continue;
+    const Eigen::Vector2d p = view.corners_px[i] + Eigen::Vector2d(0.5, 0.5);
+    const Eigen::Vector2d to = p + kEnlarged * view.residuals_px[i];
+    if (view.used[i]) {
+      out += concat("<circle cx=\"", number(p.x(), 5), "\" cy=\"", number(p.y(), 5),
+                    "\" r=\"3\" fill=\"none\" stroke=\"", kGreen, "\" stroke-width=\"1.5\"/>");
+      out +=
+          concat("<line x1=\"", number(p.x(), 5), "\" y1=\"", number(p.y(), 5), "\" x2=\"", number(to.x(), 5),
+                 "\" y2=\"", number(to.y(), 5), "\" stroke=\"", kOrange, "\" stroke-width=\"1.5\"/>");
+    } else {
+      out += concat("<path d=\"M", number(p.x() - 4, 5), " ", number(p.y() - 4, 5),
+                    "l8 8m0 -8l-8 8\" stroke=\"", kRed, "\" stroke-width=\"2\"/>");
+    }
+  }
+  return out + "</svg>";
+}
+
+std::string overlay_figures(const ReportCalibration& c) {
+  std::string out;
+  for (const ReportOverlay& overlay : c.overlays) {
+    const auto view = std::ranges::find_if(c.session->views, [&](const ViewReport& v) {
+      return v.camera == overlay.camera && v.pose == overlay.pose;
+    });
+    if (view == c.session->views.end() || overlay.image.pixels.empty()) continue;
+    out += figure(
+        overlay_svg(overlay, *view),
+        concat(overlay.camera, ", ", overlay.pose, ": ",
+               view->is_used() ? concat("RMS ", number(view->rms_px), " px, ", view->rejected, " rejected")
+                               : view->reason));
+  }
+  if (out.empty()) return out;
+  return concat(
+      "<h3>Pictures with the largest residuals</h3><p class=\"why\">Circles: corners used. Crosses: "
+      "rejected. "
+      "Lines: residuals, 100 times too long.</p><div class=\"plots\">",
+      out, "</div>");
+}
+
 // Where each camera stands against a ring of even spacing through all of them.
 std::string ring_table(const CalibrationReport& r) {
   const std::size_t n = r.rig.cameras.size();
@@ -283,8 +353,9 @@ Result<std::string> board_session_section(const ReportData& data) {
       "What the calibration is worth",
       "By how much the calibrated cameras are expected to miss points of the measuring volume, and what "
       "each picture of the board contributed.",
-      concat(summary_table(r), "<div class=\"plots\">", plots, "</div>", ring_table(r), "<h3>Pictures</h3>",
-             legend_text(legend), matrix));
+      concat(summary_table(r), "<div class=\"plots\">", plots, "</div>", ring_table(r),
+             comparison_table(*data.calibration), "<h3>Pictures</h3>", legend_text(legend), matrix,
+             overlay_figures(*data.calibration)));
 }
 
 }  // namespace flamefield
