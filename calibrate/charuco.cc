@@ -37,7 +37,7 @@ std::vector<Marker> find_markers(const cv::Mat& bytes, const BoardSpec& board) {
   // Small and slanted markers: thresholds over windows of a marker's size, fewer pixels a cell.
   parameters->adaptiveThreshWinSizeMin = 5;
   parameters->adaptiveThreshWinSizeMax = 45;
-  parameters->adaptiveThreshWinSizeStep = 8;
+  parameters->adaptiveThreshWinSizeStep = 20;
   parameters->minMarkerPerimeterRate = 0.02;
   parameters->cornerRefinementMethod = cv::aruco::CORNER_REFINE_NONE;
   std::vector<std::vector<cv::Point2f>> corners;

@@ -3,8 +3,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "acquire/simulator/board_scene.h"
 #include "calibrate/detect.h"
+#include "calibrate/larger_board.h"
 #include "tests/calibrate/synthetic.h"
 
 namespace flamefield {
@@ -63,14 +66,38 @@ TEST(Diagnosis, SaysWhichBoardItSaw) {
   EXPECT_THAT(reason(image, {8, 7, 12}), HasSubstr("another board: looked for 8x7 inner corners, found 9x6"));
 }
 
-// Which part of the larger board would be seen, nobody could tell.
-TEST(Diagnosis, ABoardInsideALargerOneIsRefusedAndTheLargerOneNamed) {
+TEST(Diagnosis, APartOfALargerBoardIsNotTakenForTheBoard) {
+  const Image image = picture(facing(0), 0.7, 1, {9, 6, 12});
+  EXPECT_EQ(reason(image, {9, 6, 12}), "found");
+  EXPECT_THAT(reason(image, {8, 6, 12}), HasSubstr("looked for 8x6 inner corners, found "));
+}
+
+// Which part of it was found, nobody could tell.
+TEST(LargerBoard, IsNamedWhereverThePartLiesInIt) {
+  const BoardSpec board{9, 6, 12};
   for (double angle : {0.0, 25.0, -50.0}) {
-    const Image image = picture(facing(angle), 0.7, 1, {9, 6, 12});
-    EXPECT_EQ(reason(image, {9, 6, 12}), "found") << angle;
-    for (const BoardSpec& asked :
-         {BoardSpec{8, 6, 12}, BoardSpec{9, 5, 12}, BoardSpec{7, 4, 12}, BoardSpec{5, 8, 12}})
-      EXPECT_THAT(reason(image, asked), HasSubstr("inner corners, found 9x6")) << angle << ' ' << asked.cols;
+    const Image image = picture(facing(angle), 0.7, 1, board);
+    cv::Mat bytes;
+    cv::Mat(image.height_px, image.width_px, CV_32F, const_cast<float*>(image.pixels.data()))
+        .convertTo(bytes, CV_8U);
+    const auto corners = *true_corners(kCamera, facing(angle), board, 80);
+    const auto part = [&](int left, int top, int cols, int rows) {
+      std::vector<cv::Point2f> points;
+      for (int row = top; row < top + rows; ++row) {
+        for (int col = left; col < left + cols; ++col) {
+          const Eigen::Vector2d& p = corners[static_cast<std::size_t>(row * board.cols + col)];
+          points.emplace_back(static_cast<float>(p.x()), static_cast<float>(p.y()));
+        }
+      }
+      return larger_board(bytes, points, {cols, rows, board.square_mm});
+    };
+    EXPECT_FALSE(part(0, 0, 9, 6)) << angle;
+    for (const auto& [left, top, cols, rows] :
+         {std::array{0, 0, 8, 6}, std::array{1, 1, 7, 4}, std::array{0, 2, 9, 4}, std::array{2, 0, 5, 4}}) {
+      const auto found = part(left, top, cols, rows);
+      ASSERT_TRUE(found) << angle << ": " << cols << 'x' << rows;
+      EXPECT_EQ(*found, cv::Size(9, 6)) << angle << ": " << cols << 'x' << rows;
+    }
   }
 }
 
