@@ -98,7 +98,7 @@ TEST_F(CalibrationSession, IsReportedOnOnePageThatNeedsNothingElse) {
   for (const char* part : {"Calibration of the ring", "5 cameras, 10 board poses", "<svg", "cam04",
                            "What the calibration is worth", "Worst camera", "Off even spacing", "Pictures",
                            "Expected error in the measuring volume", "flamefield calibrate solve boards",
-                           "origin at the burner's exit", "Pictures with the largest residuals"})
+                           "fixed by pose pose100", "Pictures with the largest residuals"})
     EXPECT_THAT(page, HasSubstr(part));
   for (const char* part : {"src=\"http", "href=\"http", "<script"}) EXPECT_THAT(page, Not(HasSubstr(part)));
 }
@@ -228,8 +228,6 @@ TEST_F(CalibrationSession, RefusesWhatItCannotUse) {
       1, "9X9_9");
   expect_refused("check --rig rig.yaml", 2, "nothing to check with");
   expect_refused("check --rig rig.yaml --projections rig.yaml", 2, "--size");
-  expect_refused(concat("solve boards --board 7x5 --square-mm 12 --out bad.yaml"), 1,
-                 "looked for 7x5 inner corners, found 9x6");
   expect_refused(concat("check --rig nowhere.yaml boards", kBoard), 1, "nowhere.yaml");
   expect_refused(concat("check --rig rig.yaml boards/cam00/pose100.png boards/cam01/pose100.png", kBoard), 1,
                  "fewer than three");
