@@ -225,7 +225,7 @@ void add_calibrate(CLI::App& app, Session& session) {
             "solve. Three cameras that see the board are enough");
   check_command
       ->add_option("--projections", check_options->projections,
-                   "Instead of a board: prepared pictures of a flame, one file a set")
+                   "Instead of a board: prepared pictures of a flame, one file a set (experimental)")
       ->check(CLI::ExistingFile);
   add_domain(*check_command, check_options->domain, false);
   check_command->footer(
