@@ -1,19 +1,17 @@
 #include "acquire/aravis_device.h"
 
-#include <arv.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <atomic>
 #include <charconv>
 #include <cmath>
 #include <filesystem>
 #include <limits>
-#include <mutex>
 #include <string>
 #include <vector>
 
+#include "acquire/aravis_handles.h"
 #include "acquire/discovery.h"
 #include "acquire/pixel_code.h"
 #include "proto/check.h"
@@ -30,24 +28,6 @@ constexpr std::uint32_t kTimestampHigh = 0x0948;
 constexpr std::uint32_t kTimestampLow = 0x094c;
 constexpr int kClockReadings = 5;
 constexpr std::chrono::milliseconds kDiscoveryTimeout{600};
-
-// Aravis 0.8 parses GenICam files through static state: one at a time, or it mixes them up.
-std::mutex genicam_parser;
-
-// Collects Aravis' error; converts to bool when there was none.
-class ArvError {
- public:
-  ~ArvError() { g_clear_error(&error_); }
-  GError** out() {
-    g_clear_error(&error_);
-    return &error_;
-  }
-  bool happened() const { return error_ != nullptr; }
-  std::string text() const { return error_ ? error_->message : "no reason given"; }
-
- private:
-  GError* error_ = nullptr;
-};
 
 // Aravis 0.8 enlarges the socket's buffer only when the first packet is there, too late for the first frame.
 // The socket is its own; we know it by its port.
@@ -80,30 +60,6 @@ LossCause cause_of(ArvBufferStatus status) {
 }
 
 }  // namespace
-
-struct AravisDevice::Handles {
-  CameraAddress address;
-  ArvCamera* camera = nullptr;
-  ArvStream* stream = nullptr;
-  ArvChunkParser* chunks = nullptr;
-  std::atomic<bool> is_lost = false;
-
-  ~Handles() {
-    g_clear_object(&stream);
-    g_clear_object(&chunks);
-    g_clear_object(&camera);
-  }
-  tl::unexpected<Error> failed(const std::string& what, const ArvError& error) const {
-    return unavailable(concat("camera ", address.name, " at ", address.address, ": ", what), error.text(),
-                       "check its power, cable and address");
-  }
-  template <class T>
-  tl::unexpected<Error> differs(std::string_view what, const T& wanted, const T& got) const {
-    return invalid_input(concat("camera ", address.name, ": ", what, " ", wanted),
-                         concat("it reads back ", got), "choose a value that the camera supports");
-  }
-  bool has(const char* feature) const { return arv_camera_is_feature_available(camera, feature, nullptr); }
-};
 
 AravisDevice::AravisDevice(std::unique_ptr<Handles> handles) : handles_(std::move(handles)) {}
 
@@ -145,165 +101,6 @@ Result<std::unique_ptr<AravisDevice>> AravisDevice::open(const CameraAddress& ad
   std::unique_ptr<AravisDevice> out(new AravisDevice(std::move(handles)));
   out->serial_ = found->serial;
   return out;
-}
-
-bool AravisDevice::has(const char* feature) const {
-  return handles_->has(feature);
-}
-
-// Each sets one feature and reads it back.
-Result<> AravisDevice::set(const char* feature, std::int64_t value) {
-  ArvError error;
-  arv_camera_set_integer(handles_->camera, feature, value, error.out());
-  const gint64 got = error.happened() ? 0 : arv_camera_get_integer(handles_->camera, feature, error.out());
-  if (error.happened()) return handles_->failed(concat(feature, "=", value), error);
-  return got == value ? Result<>() : handles_->differs<std::int64_t>(feature, value, got);
-}
-
-Result<> AravisDevice::set(const char* feature, std::string_view value) {
-  ArvError error;
-  arv_camera_set_string(handles_->camera, feature, std::string(value).c_str(), error.out());
-  const char* got = error.happened() ? "" : arv_camera_get_string(handles_->camera, feature, error.out());
-  if (error.happened()) return handles_->failed(concat(feature, "=", value), error);
-  return value == got ? Result<>() : handles_->differs<std::string_view>(feature, value, got);
-}
-
-Result<> AravisDevice::set_real(const char* feature, double value) {
-  ArvError error;
-  arv_camera_set_float(handles_->camera, feature, value, error.out());
-  const double got = error.happened() ? 0 : arv_camera_get_float(handles_->camera, feature, error.out());
-  if (error.happened()) return handles_->failed(concat(feature, "=", value), error);
-  return std::abs(got - value) <= 1 ? Result<>() : handles_->differs(feature, value, got);
-}
-
-Result<> AravisDevice::apply(const CameraSettings& settings) {
-  if (auto ok = validate(settings); !ok) return ok;
-  settings_ = settings;
-  arv_camera_stop_acquisition(handles_->camera, nullptr);  // a crashed client may have left it running
-  Result<> ok = configure_image(settings);
-  if (ok) ok = configure_trigger(settings);
-  if (ok) ok = configure_transport(settings);
-  if (ok) ok = configure_chunks();
-  if (!ok) return ok;
-  ArvError error;
-  payload_bytes_ = arv_camera_get_payload(handles_->camera, error.out());
-  if (error.happened() || payload_bytes_ == 0) return handles_->failed("reading PayloadSize", error);
-  return {};
-}
-
-Result<> AravisDevice::configure_image(const CameraSettings& settings) {
-  Result<> ok;
-  // Binning first: it changes what fits on the sensor.
-  const bool is_binned = settings.binning_x > 1 || settings.binning_y > 1;
-  if (is_binned || has("BinningHorizontal")) {
-    ok = set("BinningHorizontal", settings.binning_x);
-    if (ok) ok = set("BinningVertical", settings.binning_y);
-  }
-  if (ok) ok = set("PixelFormat", name_of(settings.pixel_format));
-  if (!ok) return ok;
-  ArvError error;
-  SensorRegion wanted;
-  if (settings.region) {
-    wanted = *settings.region;
-  } else {
-    arv_camera_set_region(handles_->camera, 0, 0, -1, -1, nullptr);
-    gint unused = 0;
-    arv_camera_get_width_bounds(handles_->camera, &unused, &wanted.width_px, error.out());
-    if (!error.happened()) {
-      arv_camera_get_height_bounds(handles_->camera, &unused, &wanted.height_px, error.out());
-    }
-    if (!error.happened() && is_binned) {
-      arv_camera_get_region(handles_->camera, nullptr, nullptr, &wanted.width_px, &wanted.height_px,
-                            error.out());
-    }
-  }
-  SensorRegion got;
-  if (!error.happened()) {
-    arv_camera_set_region(handles_->camera, wanted.offset_x_px, wanted.offset_y_px, wanted.width_px,
-                          wanted.height_px, error.out());
-  }
-  if (!error.happened()) {
-    arv_camera_get_region(handles_->camera, &got.offset_x_px, &got.offset_y_px, &got.width_px, &got.height_px,
-                          error.out());
-  }
-  if (error.happened()) return handles_->failed("region of interest", error);
-  const auto text = [](const SensorRegion& r) {
-    return concat(r.width_px, "x", r.height_px, "+", r.offset_x_px, "+", r.offset_y_px);
-  };
-  if (text(wanted) != text(got)) return handles_->differs("region", text(wanted), text(got));
-  if (settings.gain_raw) ok = set("GainRaw", *settings.gain_raw);
-  if (ok && settings.black_level_raw) ok = set("BlackLevelRaw", *settings.black_level_raw);
-  if (ok && (settings.test_image || has("TestImageSelector"))) {
-    ok = set("TestImageSelector", settings.test_image ? "Testimage1" : "Off");
-  }
-  return ok;
-}
-
-Result<> AravisDevice::configure_trigger(const CameraSettings& settings) {
-  ArvError error;
-  arv_camera_set_exposure_time(handles_->camera, settings.exposure_us, error.out());
-  double got_us = 0;
-  if (!error.happened()) got_us = arv_camera_get_exposure_time(handles_->camera, error.out());
-  if (!error.happened())
-    arv_camera_set_acquisition_mode(handles_->camera, ARV_ACQUISITION_MODE_CONTINUOUS, error.out());
-  if (!error.happened())
-    arv_camera_set_trigger(handles_->camera, settings.trigger_source.c_str(), error.out());
-  if (error.happened()) return handles_->failed("exposure time, AcquisitionMode or TriggerSource", error);
-  if (!(std::abs(got_us - settings.exposure_us) <= 1)) {
-    return handles_->differs<double>("exposure_us", settings.exposure_us, got_us);
-  }
-  Result<> ok = set("TriggerSource", settings.trigger_source);
-  if (ok) ok = set("TriggerActivation", settings.trigger_activation);
-  if (ok && (settings.trigger_delay_us > 0 || has("TriggerDelayAbs"))) {
-    ok = set_real("TriggerDelayAbs", settings.trigger_delay_us);
-  }
-  return ok;
-}
-
-Result<> AravisDevice::configure_transport(const CameraSettings& settings) {
-  ArvCamera* camera = handles_->camera;
-  ArvError error;
-  arv_camera_gv_set_packet_size_adjustment(camera, ARV_GV_PACKET_SIZE_ADJUSTMENT_NEVER);
-  arv_camera_gv_set_packet_size(camera, settings.packet_size_bytes, error.out());
-  guint packet_size = 0;
-  if (!error.happened()) packet_size = arv_camera_gv_get_packet_size(camera, error.out());
-  if (error.happened()) return handles_->failed("packet size", error);
-  if (static_cast<int>(packet_size) != settings.packet_size_bytes) {
-    return handles_->differs<std::int64_t>("packet_size_bytes", settings.packet_size_bytes, packet_size);
-  }
-  // Delays are in ticks of the camera's clock.
-  const auto frequency_hz = static_cast<double>(
-      arv_gv_device_get_timestamp_tick_frequency(ARV_GV_DEVICE(arv_camera_get_device(camera)), nullptr));
-  const auto ticks = [&](std::int64_t delay_ns) {
-    return std::llround(static_cast<double>(delay_ns) * 1e-9 * frequency_hz);
-  };
-  Result<> ok;
-  if (settings.packet_delay_ns > 0 || has("GevSCPD")) ok = set("GevSCPD", ticks(settings.packet_delay_ns));
-  const std::int64_t frame_delay_ns = handles_->address.frame_delay_ns;
-  if (ok && (frame_delay_ns > 0 || has("GevSCFTD"))) ok = set("GevSCFTD", ticks(frame_delay_ns));
-  // Clocks that keep each other's time make the fitted ones better.
-  for (const char* feature : {"GevIEEE1588", "PtpEnable"}) {
-    if (ok && has(feature)) arv_camera_set_boolean(camera, feature, TRUE, nullptr);
-  }
-  return ok;
-}
-
-Result<> AravisDevice::configure_chunks() {
-  has_counter_ = false;
-  if (!arv_camera_are_chunks_available(handles_->camera, nullptr)) return {};
-  ArvError error;
-  arv_camera_set_chunks(handles_->camera, "Framecounter,Triggerinputcounter,Timestamp", error.out());
-  if (error.happened()) return handles_->failed("chunks", error);
-  g_clear_object(&handles_->chunks);
-  {
-    const std::lock_guard lock(genicam_parser);
-    handles_->chunks = arv_camera_create_chunk_parser(handles_->camera);
-  }
-  // A count means something only when it can be set to zero and asked for at arming.
-  has_counter_ = handles_->chunks && handles_->has("CounterReset") && handles_->has("CounterValue");
-  arv_camera_set_chunk_state(handles_->camera, "ExposureTime", TRUE, error.out());  // a camera may lack it
-  has_exposure_ = handles_->chunks && !error.happened();
-  return {};
 }
 
 Result<> AravisDevice::open_stream() {
@@ -388,8 +185,7 @@ void AravisDevice::anchor_clock() {
   clock_offset_ns_.reset();
   is_clock_anchored_ = false;
   ArvDevice* device = arv_camera_get_device(handles_->camera);
-  const auto frequency_hz =
-      static_cast<double>(arv_gv_device_get_timestamp_tick_frequency(ARV_GV_DEVICE(device), nullptr));
+  const double frequency_hz = handles_->tick_frequency_hz();
   if (!(frequency_hz > 0)) return;
   std::int64_t best_ns = std::numeric_limits<std::int64_t>::max();
   for (int i = 0; i < kClockReadings; ++i) {
@@ -436,6 +232,9 @@ std::optional<std::variant<Arrival, LossCause>> AravisDevice::next(std::chrono::
   const ArvBufferStatus status = arv_buffer_get_status(buffer);
   // Ids and times of an unsuccessful buffer are those of an earlier frame.
   if (status != ARV_BUFFER_STATUS_SUCCESS) return cause_of(status);
+
+  // Only pictures have a size to ask for.
+  if (arv_buffer_get_payload_type(buffer) != ARV_BUFFER_PAYLOAD_TYPE_IMAGE) return LossCause::Corrupt;
 
   Arrival arrival;
   Frame& frame = arrival.frame;

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <variant>
 
+#include "acquire/action_trigger.h"
 #include "acquire/arrival.h"
 #include "acquire/buffer_pool.h"
 #include "acquire/settings.h"
@@ -25,7 +26,7 @@ struct StreamStatistics {
 };
 
 // One GigE Vision camera through Aravis. Everything in one thread, the one that opened it; only is_lost()
-// may be asked from others. The only header and source that know Aravis.
+// may be asked from others. Only the sources of this class know Aravis (aravis_*.cc, aravis_handles.h).
 class AravisDevice {
  public:
   // Unavailable: no answer, another program has control, or a camera of another serial number is there.
@@ -47,6 +48,13 @@ class AravisDevice {
   std::optional<std::int64_t> trigger_count();
   bool reset_trigger_count();  // false: the camera has no such counter
   Result<> software_trigger();
+
+  // What the camera sends, after apply().
+  Result<FrameShape> shape();
+  // Before it sends a frame, from the next frame on.
+  Result<> set_frame_delay(std::int64_t delay_ns);
+  // Its clock when the stream was opened; none: it cannot be read, or not kept by PTP.
+  std::optional<SharedClock> shared_clock();
 
   // The next frame, or why a frame was lost; none within the timeout.
   std::optional<std::variant<Arrival, LossCause>> next(std::chrono::microseconds timeout);

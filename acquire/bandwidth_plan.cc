@@ -32,9 +32,9 @@ std::int64_t on_wire(std::int64_t ip_bytes) {
 }  // namespace
 
 std::int64_t wire_bytes_of_frame(const BandwidthNeeds& needs) {
-  const auto payload =
-      static_cast<std::int64_t>(bytes_of_image(needs.format, needs.width_px, needs.height_px)) +
-      kChunks_bytes;
+  const std::int64_t image =
+      static_cast<std::int64_t>(bytes_of_image(needs.format, needs.width_px, needs.height_px));
+  const std::int64_t payload = needs.payload_bytes > 0 ? needs.payload_bytes : image + kChunks_bytes;
   const std::int64_t room = needs.packet_size_bytes - kHeaders_bytes;
   expect(room > 0, "a packet has room for pixels");
   const std::int64_t rest = payload % room;
@@ -67,9 +67,9 @@ Result<BandwidthPlan> plan_bandwidth(const BandwidthNeeds& needs) {
     const auto before = static_cast<double>(i / plan.at_once * plan.at_once);
     plan.frame_delay_ns.push_back(std::llround(before * plan.frame_ms * kReserve * 1e6));
   }
-  const std::string numbers =
-      concat(needs.cameras, " frames of ", name_of(needs.format), " take ", number(plan.burst_ms),
-             " ms of the ", number(plan.period_ms), " ms between pulses");
+  const std::string numbers = concat(
+      needs.cameras, " frames of ", name_of(needs.format), ", ", needs.width_px, "x", needs.height_px,
+      " px, take ", number(plan.burst_ms), " ms of the ", number(plan.period_ms), " ms between pulses");
   if (plan.load > 1 || 1e-3 * needs.exposure_us > plan.period_ms) {
     return invalid_input(numbers, "the pictures of one pulse would not be through before the next",
                          concat("trigger at ", number(plan.most_rate_hz),

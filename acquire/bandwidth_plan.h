@@ -17,7 +17,8 @@ struct BandwidthNeeds {
   int width_px = 659;
   int height_px = 494;
   PixelFormat format = PixelFormat::Mono8;
-  int packet_size_bytes = 1500;  // IP and UDP headers included
+  std::int64_t payload_bytes = 0;  // of a frame with its chunks, as a camera says; 0: of size and format
+  int packet_size_bytes = 1500;    // IP and UDP headers included
   int exposure_us = 350;
   double uplink_bits_per_s = 1e9;
   double camera_link_bits_per_s = 1e9;

@@ -337,10 +337,50 @@ CaptureProgress CameraArray::progress() const {
   out.sets = sets_handled_;
   out.complete_sets = complete_sets_;
   out.tallies = grouper_->tallies();
+  out.rejoins = rejoins_;
   for (std::size_t i = 0; i < cameras_.size(); ++i) {
     out.problems.push_back(cameras_[i]->problem());
     if (grouper_->is_lost(i)) out.lost_cameras.push_back(cameras_[i]->name());
   }
+  return out;
+}
+
+Result<BandwidthPlan> CameraArray::share_link(BandwidthNeeds needs) {
+  expect(!is_capturing_, "the link is shared out between captures");
+  std::vector<std::future<Result<FrameShape>>> shapes;
+  for (const auto& camera : cameras_) shapes.push_back(camera->shape());
+  needs.cameras = cameras_.size();
+  needs.payload_bytes = 0;
+  for (auto& answer : shapes) {
+    const auto shape = answer.get();
+    if (!shape) return tl::unexpected(shape.error());
+    if (shape->payload_bytes <= needs.payload_bytes) continue;  // the largest frame sets the places
+    needs.payload_bytes = shape->payload_bytes;
+    needs.width_px = shape->width_px;
+    needs.height_px = shape->height_px;
+  }
+  auto plan = plan_bandwidth(needs);
+  if (!plan) return plan;
+  std::size_t number = 0;
+  const Result<> set = ask_all(
+      cameras_, [&](GigeCamera& camera) { return camera.set_frame_delay(plan->frame_delay_ns[number++]); });
+  if (!set) return tl::unexpected(set.error());
+  return plan;
+}
+
+std::optional<SharedClock> CameraArray::common_clock() {
+  std::vector<std::future<std::optional<SharedClock>>> answers;
+  for (const auto& camera : cameras_) answers.push_back(camera->shared_clock());
+  std::vector<SharedClock> clocks;
+  for (auto& answer : answers) {
+    if (const auto clock = answer.get()) clocks.push_back(*clock);
+  }
+  return clocks.size() == cameras_.size() ? agreed_clock(std::move(clocks)) : std::nullopt;
+}
+
+std::vector<std::string> CameraArray::addresses() const {
+  std::vector<std::string> out;
+  for (const auto& camera : cameras_) out.push_back(camera->address());
   return out;
 }
 

@@ -12,6 +12,8 @@
 #include <variant>
 #include <vector>
 
+#include "acquire/action_trigger.h"
+#include "acquire/bandwidth_plan.h"
 #include "acquire/gige_camera.h"
 #include "acquire/settings.h"
 #include "acquire/trigger_grouper.h"
@@ -51,6 +53,7 @@ struct CaptureProgress {
   std::int64_t complete_sets = 0;
   std::vector<std::string> lost_cameras;
   std::vector<CameraTally> tallies;   // by camera
+  std::vector<std::int64_t> rejoins;  // by camera
   std::vector<std::string> problems;  // by camera: why a lost one is not back; empty: nothing known
 };
 
@@ -83,8 +86,16 @@ class CameraArray {
   // Triggers every camera by software, one after the other.
   Result<> software_trigger();
 
+  // Gives each camera its place in the burst after a pulse, from what the cameras say that they send. The
+  // needs' cameras, size and payload are filled in. Between captures. InvalidInput: it does not fit.
+  Result<BandwidthPlan> share_link(BandwidthNeeds needs);
+
+  // The clock that all cameras keep by PTP, as it was when they were armed; none: not all of them do.
+  std::optional<SharedClock> common_clock();
+
   CaptureProgress progress() const;
   std::vector<std::string> names() const;
+  std::vector<std::string> addresses() const;
 
  private:
   struct Lost {};

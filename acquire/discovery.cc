@@ -23,6 +23,7 @@ using Reply = std::array<std::uint8_t, 576>;
 
 constexpr std::uint16_t kControlPort = 3956;
 constexpr int kTries = 3;
+constexpr milliseconds kSearchWait{1000}, kTwinWait{400};
 constexpr std::size_t kHeader = 8, kDiscoverySize = 0xf8;
 // Key, acknowledge please, DISCOVERY, no payload, request id 1: GigE Vision 2.0, section 14.
 constexpr std::array<std::uint8_t, 8> kDiscovery = {0x42, 0x01, 0x00, 0x02, 0x00, 0x00, 0x00, 0x01};
@@ -163,10 +164,28 @@ std::vector<DiscoveredCamera> discover_all(milliseconds wait) {
   return out;
 }
 
+Result<> check_addresses_differ(const std::vector<DiscoveredCamera>& found) {
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      const DiscoveredCamera &a = found[k], &b = found[i];
+      if (a.address != b.address || a.mac == b.mac) continue;
+      return unavailable(concat("two cameras use the address ", a.address),
+                         concat("serial number ", a.serial, " at MAC ", a.mac, " and serial number ",
+                                b.serial, " at MAC ", b.mac),
+                         "give one of them another address");
+    }
+  }
+  return {};
+}
+
 Result<std::vector<CameraAddress>> resolve_addresses(std::vector<CameraAddress> cameras) {
   const auto is_known = [](const CameraAddress& camera) { return !camera.address.empty(); };
-  if (std::all_of(cameras.begin(), cameras.end(), is_known)) return cameras;
-  const auto found = discover_all(milliseconds(1000));
+  const auto is_own = [](const CameraAddress& camera) { return camera.address.starts_with("127."); };
+  const bool are_known = std::all_of(cameras.begin(), cameras.end(), is_known);
+  if (are_known && std::all_of(cameras.begin(), cameras.end(), is_own)) return cameras;
+  const auto found = discover_all(are_known ? kTwinWait : kSearchWait);
+  if (auto ok = check_addresses_differ(found); !ok) return tl::unexpected(ok.error());
+  if (are_known) return cameras;
   std::string missing;
   for (CameraAddress& camera : cameras) {
     if (is_known(camera)) continue;

@@ -25,8 +25,13 @@ bool answers_discovery(const std::string& address, std::chrono::milliseconds tim
 // different hardware addresses are an address used twice.
 std::vector<DiscoveredCamera> discover_all(std::chrono::milliseconds wait);
 
+// Unavailable: two of these devices use one address; the error names both by serial number and hardware
+// address.
+Result<> check_addresses_differ(const std::vector<DiscoveredCamera>& found);
+
 // Gives cameras that are known by serial number or user-defined name only the address where they are now.
-// NotFound names those that do not answer.
+// NotFound names those that do not answer. Unavailable: two devices use one address. Listens for that too
+// when all addresses are known, unless they are of this machine.
 Result<std::vector<CameraAddress>> resolve_addresses(std::vector<CameraAddress> cameras);
 
 // One bootstrap register of a device, without having control of it; none: no answer.

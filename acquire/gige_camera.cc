@@ -24,6 +24,7 @@ constexpr std::uint32_t kControlBits = 3;
 GigeCamera::GigeCamera(CameraAddress address, CameraSettings settings)
     : address_(std::move(address)),
       name_(address_.name),
+      host_(address_.address),
       settings_(std::move(settings)),
       thread_([this] { run(); }) {}
 
@@ -120,6 +121,24 @@ std::future<Result<>> GigeCamera::start() {
     is_streaming_ = is_armed_ && ok;
     return ok;
   });
+}
+
+std::future<Result<FrameShape>> GigeCamera::shape() {
+  return post([this]() -> Result<FrameShape> {
+    if (!device_) return unavailable(concat("camera ", name_), "is not open", "open it first");
+    return device_->shape();
+  });
+}
+
+std::future<Result<>> GigeCamera::set_frame_delay(std::int64_t delay_ns) {
+  return post([this, delay_ns]() -> Result<> {
+    address_.frame_delay_ns = delay_ns;  // also when it is opened again
+    return device_ ? device_->set_frame_delay(delay_ns) : Result<>();
+  });
+}
+
+std::future<std::optional<SharedClock>> GigeCamera::shared_clock() {
+  return post([this] { return device_ ? device_->shared_clock() : std::nullopt; });
 }
 
 std::future<Result<>> GigeCamera::software_trigger() {

@@ -38,6 +38,7 @@ class GigeCamera {
   GigeCamera& operator=(const GigeCamera&) = delete;
 
   const std::string& name() const { return name_; }
+  const std::string& address() const { return host_; }
 
   std::future<Result<>> open();
   // Settings from the next arm() on.
@@ -47,6 +48,10 @@ class GigeCamera {
   std::future<bool> reset_trigger_count();
   std::future<std::optional<std::int64_t>> trigger_count();
   std::future<Result<>> start();
+  // What the camera sends with its present settings.
+  std::future<Result<FrameShape>> shape();
+  std::future<Result<>> set_frame_delay(std::int64_t delay_ns);
+  std::future<std::optional<SharedClock>> shared_clock();  // once armed
   std::future<Result<>> software_trigger();
   // Delivers what is still in the buffers, then closes the stream. A camera that does not answer any more is
   // left alone: each question to it would take seconds.
@@ -75,7 +80,7 @@ class GigeCamera {
   void deliver(std::chrono::milliseconds timeout);
 
   CameraAddress address_;  // with the serial number, once it is known; the thread's own
-  const std::string name_;
+  const std::string name_, host_;
   mutable std::mutex mutex_;
   std::condition_variable wake_;
   std::deque<std::function<void()>> requests_;

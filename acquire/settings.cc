@@ -30,9 +30,12 @@ Result<> validate(const CameraSettings& settings) {
     if (ok) ok = check_range("region.width_px", settings.region->width_px, 1, 65535);
     if (ok) ok = check_range("region.height_px", settings.region->height_px, 1, 65535);
   }
+  if (ok && settings.action && settings.action->group_mask == 0) {
+    return invalid_input("action group_mask=0", "no camera of that mask is ever fired", "use e.g. 1");
+  }
   if (ok && settings.trigger_source.empty()) {
     return invalid_input("trigger_source is empty", "cameras take pictures only when triggered",
-                         "use Line1 or Software");
+                         "use Line1, Software or Action1");
   }
   return ok;
 }

@@ -17,6 +17,18 @@ struct CameraAddress {
   std::int64_t frame_delay_ns = 0;  // before it sends a frame: its place in the bandwidth plan
 };
 
+// Pixels that a camera sends, and the bytes of one frame with its chunks.
+struct FrameShape {
+  int width_px = 0, height_px = 0;
+  std::int64_t payload_bytes = 0;
+};
+
+// GigE Vision action commands that fire these cameras: both keys must be the same, the masks share a bit.
+struct ActionKeys {
+  std::uint32_t device_key = 1, group_key = 1, group_mask = 1;
+  std::string broadcast_address = {};  // one packet for all, e.g. 192.168.7.255; empty: one to each camera
+};
+
 struct SensorRegion {
   int offset_x_px = 0, offset_y_px = 0;
   int width_px = 0, height_px = 0;
@@ -24,7 +36,8 @@ struct SensorRegion {
 
 // What every camera of an array is set to; each value is read back from the camera.
 struct CameraSettings {
-  std::string trigger_source = "Line1";
+  std::string trigger_source = "Line1";             // or Software, Action1
+  std::optional<ActionKeys> action = std::nullopt;  // with Action1
   std::string trigger_activation = "RisingEdge";
   int trigger_delay_us = 0;                    // from the edge to the exposure, [0, 1000000]
   int exposure_us = 350;                       // [4, 1000000]

@@ -230,7 +230,7 @@ void write_transport_features(XmlWriter& xml) {
 
 }  // namespace
 
-std::string genicam_xml(int sensor_width_px, int sensor_height_px) {
+std::string genicam_xml(int sensor_width_px, int sensor_height_px, bool has_ptp) {
   XmlWriter xml;
   xml.category("DeviceInformation");
   xml.text("DeviceVendorName", reg::kVendorName, 32);
@@ -245,6 +245,12 @@ std::string genicam_xml(int sensor_width_px, int sensor_height_px) {
   write_chunk_features(xml);
   write_action_features(xml);
   write_transport_features(xml);
+  if (has_ptp) {
+    xml.category("PtpControl");
+    xml.boolean("GevIEEE1588", reg::kPtpEnable);
+    xml.choice("GevIEEE1588Status", reg::kPtpStatus,
+               {{"Disabled", reg::kPtpDisabled}, {"Slave", reg::kPtpSlave}});
+  }
   return xml.finish();
 }
 

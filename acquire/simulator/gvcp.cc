@@ -19,6 +19,7 @@ std::optional<GvcpCommand> decode_gvcp(std::span<const std::uint8_t> packet) {
   if (packet.size() < kHeaderSize + size || request_id == 0) return std::nullopt;
   return GvcpCommand{.code = static_cast<GvcpCode>(load_u16(packet.data() + 2)),
                      .wants_acknowledge = (packet[1] & 1) != 0,
+                     .is_scheduled = (packet[1] & 0x80) != 0,
                      .request_id = request_id,
                      .payload = packet.subspan(kHeaderSize, size)};
 }
@@ -54,9 +55,13 @@ std::optional<ResendRequest> decode_resend(std::span<const std::uint8_t> payload
   return request;
 }
 
-std::optional<ActionCommand> decode_action(std::span<const std::uint8_t> payload) {
-  if (payload.size() < 12) return std::nullopt;
-  return ActionCommand{load_u32(payload.data()), load_u32(payload.data() + 4), load_u32(payload.data() + 8)};
+std::optional<ActionCommand> decode_action(const GvcpCommand& command) {
+  const auto payload = command.payload;
+  if (payload.size() < (command.is_scheduled ? 20 : 12)) return std::nullopt;
+  ActionCommand action{load_u32(payload.data()), load_u32(payload.data() + 4), load_u32(payload.data() + 8)};
+  if (command.is_scheduled)
+    action.ticks = std::uint64_t{load_u32(payload.data() + 12)} << 32 | load_u32(payload.data() + 16);
+  return action;
 }
 
 std::vector<std::uint8_t> encode_acknowledge(const GvcpCommand& command, GvcpStatus status,

@@ -31,6 +31,7 @@ enum class GvcpStatus : std::uint16_t {
 struct GvcpCommand {
   GvcpCode code{};
   bool wants_acknowledge = false;
+  bool is_scheduled = false;  // an action that carries its time
   std::uint16_t request_id = 0;
   std::span<const std::uint8_t> payload;  // into the received packet
 };
@@ -65,8 +66,9 @@ struct ActionCommand {
   std::uint32_t device_key = 0;
   std::uint32_t group_key = 0;
   std::uint32_t group_mask = 0;
+  std::optional<std::uint64_t> ticks = std::nullopt;  // of the camera's clock; none: at once
 };
-std::optional<ActionCommand> decode_action(std::span<const std::uint8_t> payload);
+std::optional<ActionCommand> decode_action(const GvcpCommand& command);
 
 std::vector<std::uint8_t> encode_acknowledge(const GvcpCommand& command, GvcpStatus status,
                                              std::span<const std::uint8_t> payload);

@@ -69,6 +69,10 @@ inline constexpr std::uint32_t kActionDeviceKey = 0x2140;
 inline constexpr std::uint32_t kActionGroupKey = 0x2144;
 inline constexpr std::uint32_t kActionGroupMask = 0x2148;
 
+inline constexpr std::uint32_t kPtpEnable = 0x2160;
+inline constexpr std::uint32_t kPtpStatus = 0x2164;  // kPtpSlave while the clock keeps the network's time
+inline constexpr std::uint32_t kPtpDisabled = 3, kPtpSlave = 9;  // IEEE 1588-2008, table 8
+
 inline constexpr std::uint32_t kChunkFramecounterId = 0xa3a0;
 inline constexpr std::uint32_t kChunkTriggerinputcounterId = 0xa3a1;
 inline constexpr std::uint32_t kChunkTimestampId = 0xa3a2;

@@ -120,6 +120,8 @@ Result<> SimulatedArray::add_camera(const SimulatedArrayOptions& options, std::s
       1e9 * std::uniform_real_distribution<double>(0, options.max_clock_offset_s)(random));
   camera.clock_drift_ppm = std::uniform_real_distribution<double>(-options.max_clock_drift_ppm,
                                                                   options.max_clock_drift_ppm)(random);
+  camera.has_ptp = options.has_ptp;
+  camera.reported_address = options.reported_address;
   camera.first_frame_id = options.first_frame_id;
   camera.line_rate_bits_per_s = options.line_rate_bits_per_s;
   camera.seed = options.seed;

@@ -27,9 +27,12 @@ struct SimulatedArrayOptions {
   std::uint64_t seed = 1;                   // of noise, defects, clocks and packet loss
   double max_clock_offset_s = 100;          // each camera's clock starts somewhere in [0, this]
   double max_clock_drift_ppm = 50;          // and drifts by [-this, this]
-  std::uint16_t first_frame_id = 1;         // of every camera
-  double line_rate_bits_per_s = 0;          // of each camera's port; 0: as fast as it goes
-  bool answers_broadcasts = false;          // discovery from other programs; one array a machine can
+  bool has_ptp = false;                     // cameras can keep the network's time
+  std::string
+      reported_address;  // all cameras say that they are at this one: an address used twice; empty: no
+  std::uint16_t first_frame_id = 1;  // of every camera
+  double line_rate_bits_per_s = 0;   // of each camera's port; 0: as fast as it goes
+  bool answers_broadcasts = false;   // discovery from other programs; one array a machine can
   SensorModel sensor;
 };
 

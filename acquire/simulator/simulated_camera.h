@@ -32,10 +32,13 @@ struct SimulatedCameraOptions {
   std::string serial;
   std::string user_name;
   in_addr address{};  // its own, in network byte order
+  std::string reported_address =
+      {};  // what it says instead: somebody gave it another camera's; empty: its own
   int width_px = 659;
   int height_px = 494;
   std::int64_t clock_offset_ns = 0;  // the camera's clock at UTC 0 of the array
   double clock_drift_ppm = 0;
+  bool has_ptp = false;              // it can keep the time of the network
   std::uint16_t first_frame_id = 1;  // after AcquisitionStart; the one after 65535 is 1
   double line_rate_bits_per_s = 0;   // of its network port; 0: as fast as it goes
   std::uint64_t seed = 1;
@@ -100,13 +103,15 @@ class SimulatedCamera {
   void send_test_packet(std::uint32_t packet_size);
   void latch_clock();
   std::uint64_t ticks_at(std::int64_t time_ns) const;
+  std::int64_t time_of(std::uint64_t ticks) const;
 
   void fit_region();
   void update_payload_size();
   void act(const ActionCommand& action);
+  bool keeps_network_time() const;
 
   void follow_power_and_link(std::int64_t pulse);
-  void count_and_order(const Pulse& pulse, std::uint32_t source);
+  void count_and_order(Pulse pulse, std::uint32_t source);
   bool is_free_running() const;
   void run();
   std::optional<Order> next_order();

@@ -24,6 +24,8 @@ constexpr std::size_t kHistory = 8;     // frames kept for resend
 constexpr std::size_t kBatch = 32;      // packets in one system call
 constexpr std::uint32_t kTick_ns = 1'000'000'000 / reg::kTickFrequency_hz;
 
+constexpr std::int64_t kTaiAhead_ns = 37'000'000'000;  // PTP keeps TAI
+
 constexpr std::uint32_t kNoPixelFormat = 0x01080099;  // 8 bits a pixel, of no known meaning
 
 bool is_in(const std::vector<PulseRange>& ranges, std::int64_t pulse) {
@@ -32,11 +34,22 @@ bool is_in(const std::vector<PulseRange>& ranges, std::int64_t pulse) {
 
 }  // namespace
 
+bool SimulatedCamera::keeps_network_time() const {
+  return options_.has_ptp && registers_.get(reg::kPtpEnable) == 1;
+}
+
 std::uint64_t SimulatedCamera::ticks_at(std::int64_t time_ns) const {
+  if (keeps_network_time()) return static_cast<std::uint64_t>(time_ns + kTaiAhead_ns) / kTick_ns;
   const auto elapsed_ns = static_cast<double>(time_ns - epoch_ns_);
   const auto drift_ns = static_cast<std::int64_t>(elapsed_ns * options_.clock_drift_ppm * 1e-6);
   const std::int64_t device_ns = time_ns - epoch_ns_ + drift_ns + clock_offset_ns_;
   return static_cast<std::uint64_t>(std::max<std::int64_t>(device_ns, 0)) / kTick_ns;
+}
+
+// The other way round; drift is left out, which only unscheduled cameras have.
+std::int64_t SimulatedCamera::time_of(std::uint64_t ticks) const {
+  const auto device_ns = static_cast<std::int64_t>(ticks) * kTick_ns;
+  return keeps_network_time() ? device_ns - kTaiAhead_ns : device_ns - clock_offset_ns_ + epoch_ns_;
 }
 
 void SimulatedCamera::follow_power_and_link(std::int64_t pulse) {
@@ -68,11 +81,15 @@ void SimulatedCamera::trigger(const Pulse& pulse) {
 }
 
 // A trigger counts whether or not a picture follows: that is how a client learns of a missed one.
-void SimulatedCamera::count_and_order(const Pulse& pulse, std::uint32_t source) {
+void SimulatedCamera::count_and_order(Pulse pulse, std::uint32_t source) {
   if (registers_.get(reg::kTriggerMode) != 1 || registers_.get(reg::kTriggerSource) != source) return;
   {
     const std::lock_guard lock(mutex_);
     registers_.set(reg::kCounterValue, ++trigger_count_);
+    if (source == reg::kSourceAction1) {  // nobody else numbers them
+      pulse.number = trigger_count_;
+      pulse.index = pulse.number - 1;
+    }
     const bool is_acquiring = registers_.get(reg::kAcquisition) == 1;
     const bool is_missed = !pulse.is_stray && faults_.missed_pulses.contains(pulse.number);
     if (is_missed || (is_acquiring && orders_.size() >= kMaxOrders)) {
