@@ -31,8 +31,15 @@ struct PutCapture {  // -> Accepted; starts a capture, and again when it ends, w
   CaptureKind kind = CaptureKind::Burst;
   std::int64_t started_time_ns = 0;
   std::int64_t finished_time_ns = 0;  // 0: still running
-  std::int64_t pulses = 0;            // trigger pulses that the array saw
-  std::vector<std::string> cameras;
+  std::int64_t pulses = 0;            // trigger pulses that the array saw, those before the request included
+  std::vector<std::string> cameras = {};
+  std::int64_t pulses_wanted = 0;  // 0: until stopped
+  std::int64_t pre_pulses = 0;     // of the pulses: from before the request
+  CaptureEnd end = CaptureEnd::None;
+  std::string end_reason = {};  // in words, where there is more to say
+  std::vector<CameraAccount> accounts = {};
+  // What the cameras were set to and read back, e.g. exposure_us=350; names without '=', no line breaks.
+  std::map<std::string, std::string> settings = {};
 };
 struct PutRig {  // -> RigStored
   Rig rig;
@@ -170,7 +177,7 @@ using Message =
     std::variant<PutSet, SetStored, PutCapture, PutRig, RigStored, LivePlan, Submit, Submitted, PutMetrics,
                  GetStatus, Status, Ready, Lease, FetchSet, SetData, Heartbeat, LeaseLost, Finish, Committed,
                  Fail, Accepted, Rejected, Event, StartCapture, StopCapture, GetCapture, GetPreview,
-                 CaptureState, ControlJobs, JobsControlled, GetJobs, Jobs>;
+                 CaptureState, ControlJobs, JobsControlled, GetJobs, Jobs, StandBy>;
 
 struct Envelope {
   std::uint64_t request = 0;  // 0: no reply expected

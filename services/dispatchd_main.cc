@@ -41,6 +41,10 @@ int main(int argc, char** argv) {
   app.add_option("--endpoint", options.endpoints, "where other machines connect, e.g. tcp://0.0.0.0:27600");
   app.add_option("--events", options.event_endpoints, "where news are published for other machines");
   app.add_option("--keys", keys, "key directory (default: DATA/keys, made when missing)");
+  std::uint64_t segment_mib = options.segment_bytes >> 20;
+  app.add_option("--segment-mib", segment_mib, "the spool takes room in pieces of this size")
+      ->check(CLI::Range(1, 65536))
+      ->capture_default_str();
   app.add_option("--lease-ms", lease_ms, "a worker silent for longer loses its job")
       ->check(CLI::Range(100, 3'600'000))
       ->capture_default_str();
@@ -48,6 +52,7 @@ int main(int argc, char** argv) {
       ->check(CLI::Range(0, 3'600'000))
       ->capture_default_str();
   return run_daemon(app, argc, argv, [&] {
+    options.segment_bytes = segment_mib << 20;
     options.lease = std::chrono::milliseconds(lease_ms);
     options.back_off = std::chrono::milliseconds(back_off_ms);
     return serve(options, keys);

@@ -7,14 +7,40 @@ void write(const StartCapture& m, v1::StartCapture* wire) {
   wire->set_kind(std::string(name_of(m.kind)));
   wire->set_pulses(m.pulses);
   wire->set_id(m.id);
+  wire->set_pre_pulses(m.pre_pulses);
 }
 void read(const v1::StartCapture& wire, StartCapture& m, Check& check) {
   m.pulses = wire.pulses();
   m.id = wire.id();
+  m.pre_pulses = wire.pre_pulses();
   check.count(m.pulses, "pulses");
+  check.count(m.pre_pulses, "pre_pulses");
   check.optional_name(m.id, "capture");
   read_enum(wire.kind(), capture_kind_from_name(wire.kind()), m.kind, "capture kind", check);
 }
+
+void write(const CameraAccount& account, v1::CameraAccount* wire) {
+  wire->set_camera(account.camera);
+  wire->set_frames_in(account.frames_in);
+  wire->set_delivered(account.delivered);
+  for (const auto& [cause, count] : account.losses) (*wire->mutable_losses())[cause] = count;
+  for (const auto& [name, count] : account.counters) (*wire->mutable_counters())[name] = count;
+}
+void read(const v1::CameraAccount& wire, CameraAccount& account, Check& check) {
+  account = {wire.camera(), wire.frames_in(), wire.delivered(), {}, {}};
+  check.name(account.camera, "camera");
+  for (const auto& [cause, count] : wire.losses()) {
+    check.require(loss_cause_from_name(cause).has_value(), "loss cause", "unknown");
+    account.losses[cause] = count;
+  }
+  for (const auto& [name, count] : wire.counters()) {
+    check.name(name, "counter");
+    account.counters[name] = count;
+  }
+}
+
+void write(const StandBy&, v1::StandBy*) {}
+void read(const v1::StandBy&, StandBy&, Check&) {}
 
 void write(const StopCapture&, v1::StopCapture*) {}
 void read(const v1::StopCapture&, StopCapture&, Check&) {}
@@ -45,14 +71,27 @@ void write(const CaptureState& m, v1::CaptureState* wire) {
     out->set_frames(camera.frames);
     for (const auto& [cause, count] : camera.losses) (*out->mutable_losses())[cause] = count;
     out->set_newest_age_s(camera.newest_age_s);
+    for (const auto& [name, count] : camera.counters) (*out->mutable_counters())[name] = count;
   }
+  wire->set_pre_pulses(m.pre_pulses);
+  wire->set_sets_held(m.sets_held);
+  wire->set_previews_skipped(m.previews_skipped);
+  wire->set_trouble(m.trouble);
 }
 void read(const v1::CaptureState& wire, CaptureState& m, Check& check) {
-  m = {CapturePhase::Idle, wire.id(), CaptureKind::Burst, wire.pulses_wanted(), wire.sets(),
-       wire.sets_stored(), {}};
+  m = {};
+  m.id = wire.id();
+  m.pulses_wanted = wire.pulses_wanted();
+  m.sets = wire.sets();
+  m.sets_stored = wire.sets_stored();
+  m.pre_pulses = wire.pre_pulses();
+  m.sets_held = wire.sets_held();
+  m.previews_skipped = wire.previews_skipped();
+  m.trouble = wire.trouble();
   read_enum(wire.phase(),
-            one_of(wire.phase(), {CapturePhase::Idle, CapturePhase::Armed, CapturePhase::Draining}), m.phase,
-            "capture phase", check);
+            one_of(wire.phase(),
+                   {CapturePhase::Idle, CapturePhase::Standby, CapturePhase::Armed, CapturePhase::Draining}),
+            m.phase, "capture phase", check);
   read_enum(wire.kind(), capture_kind_from_name(wire.kind()), m.kind, "capture kind", check);
   check.optional_name(m.id, "capture");
   check.require(wire.cameras_size() <= kMaxCameras, "capture", "more than 256 cameras");
@@ -62,6 +101,7 @@ void read(const v1::CaptureState& wire, CaptureState& m, Check& check) {
     check.name(camera.name, "camera");
     check.finite(camera.newest_age_s, "age of the newest frame");
     for (const auto& [cause, count] : in.losses()) camera.losses[cause] = count;
+    for (const auto& [name, count] : in.counters()) camera.counters[name] = count;
     m.cameras.push_back(std::move(camera));
   }
 }

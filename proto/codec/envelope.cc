@@ -67,7 +67,8 @@ constexpr auto kRows = std::make_tuple(
     row<JobsControlled>(v1::Envelope::kJobsControlled, &v1::Envelope::jobs_controlled,
                         &v1::Envelope::mutable_jobs_controlled),
     row<GetJobs>(v1::Envelope::kGetJobs, &v1::Envelope::get_jobs, &v1::Envelope::mutable_get_jobs),
-    row<Jobs>(v1::Envelope::kJobs, &v1::Envelope::jobs, &v1::Envelope::mutable_jobs));
+    row<Jobs>(v1::Envelope::kJobs, &v1::Envelope::jobs, &v1::Envelope::mutable_jobs),
+    row<StandBy>(v1::Envelope::kStandBy, &v1::Envelope::stand_by, &v1::Envelope::mutable_stand_by));
 static_assert(std::tuple_size_v<decltype(kRows)> == std::variant_size_v<Message>);
 
 template <class M>

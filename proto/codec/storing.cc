@@ -26,12 +26,35 @@ void write(const PutCapture& m, v1::PutCapture* wire) {
   wire->set_finished_time_ns(m.finished_time_ns);
   wire->set_pulses(m.pulses);
   write_all(m.cameras, wire->mutable_cameras());
+  wire->set_pulses_wanted(m.pulses_wanted);
+  wire->set_pre_pulses(m.pre_pulses);
+  wire->set_end(std::string(name_of(m.end)));
+  wire->set_end_reason(m.end_reason);
+  write_all(m.accounts, wire->mutable_accounts());
+  for (const auto& [name, value] : m.settings) (*wire->mutable_settings())[name] = value;
 }
 void read(const v1::PutCapture& wire, PutCapture& m, Check& check) {
-  m = {wire.id(), CaptureKind::Burst, wire.started_time_ns(), wire.finished_time_ns(), wire.pulses(), {}};
+  m = {wire.id(), CaptureKind::Burst, wire.started_time_ns(), wire.finished_time_ns(), wire.pulses()};
+  m.pulses_wanted = wire.pulses_wanted();
+  m.pre_pulses = wire.pre_pulses();
+  m.end_reason = wire.end_reason();
   check.name(m.id, "capture");
   check.count(m.pulses, "pulses");
-  check.require(wire.cameras_size() <= kMaxCameras, "capture", "more than 256 cameras");
+  check.count(m.pulses_wanted, "pulses_wanted");
+  check.count(m.pre_pulses, "pre_pulses");
+  check.require(wire.cameras_size() <= kMaxCameras && wire.accounts_size() <= kMaxCameras, "capture",
+                "more than 256 cameras");
+  if (!check.problem().empty()) return;
+  if (!wire.end().empty())
+    read_enum(wire.end(), capture_end_from_name(wire.end()), m.end, "end of the capture", check);
+  read_all(wire.accounts(), m.accounts, check);
+  check.require(wire.settings_size() <= 200, "capture", "more than 200 settings");
+  for (const auto& [name, value] : wire.settings()) {
+    check.name(name, "setting");
+    check.require(value.size() <= 200 && value.find('\n') == std::string::npos, "setting",
+                  "not one short line");
+    m.settings[name] = value;
+  }
   read_enum(wire.kind(), capture_kind_from_name(wire.kind()), m.kind, "capture kind", check);
   for (const std::string& camera : wire.cameras()) {
     check.name(camera, "camera");

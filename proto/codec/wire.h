@@ -151,6 +151,10 @@ void read(const v1::Jobs& wire, Jobs& m, Check& check);
 // capturing.cc
 void write(const StartCapture& m, v1::StartCapture* wire);
 void read(const v1::StartCapture& wire, StartCapture& m, Check& check);
+void write(const CameraAccount& account, v1::CameraAccount* wire);
+void read(const v1::CameraAccount& wire, CameraAccount& account, Check& check);
+void write(const StandBy&, v1::StandBy* wire);
+void read(const v1::StandBy&, StandBy&, Check&);
 void write(const StopCapture&, v1::StopCapture* wire);
 void read(const v1::StopCapture&, StopCapture&, Check&);
 void write(const GetCapture&, v1::GetCapture* wire);

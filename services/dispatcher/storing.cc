@@ -45,9 +45,20 @@ Result<Message> Dispatcher::Impl::on(FetchSet& m, const Sender&) {
   return SetData{std::move(*set)};
 }
 
+namespace {
+
+// Trouble has a name of its own, so that whoever watches for it need not read the text.
+std::string_view event_of(const PutCapture& capture) {
+  if (capture.end == CaptureEnd::Interrupted) return "capture-interrupted";
+  if (capture.end == CaptureEnd::Storage && capture.finished_time_ns == 0) return "capture-stopped";
+  return capture.finished_time_ns == 0 ? "capture-started" : "capture-finished";
+}
+
+}  // namespace
+
 Result<Message> Dispatcher::Impl::on(PutCapture& m, const Sender&) {
   if (auto ok = ledger.put_capture(m); !ok) return tl::unexpected(ok.error());
-  tell(m.finished_time_ns == 0 ? "capture-started" : "capture-finished", m.id, concat(m.pulses, " pulses"),
+  tell(event_of(m), m.id, concat(m.pulses, " pulses", m.end_reason.empty() ? "" : concat(", ", m.end_reason)),
        true);
   return Accepted{};
 }

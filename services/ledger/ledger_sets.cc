@@ -7,12 +7,27 @@ Result<> Ledger::put_capture(const PutCapture& capture) {
   return guarded(impl_->database, [&]() -> Result<> {
     std::string cameras;
     for (const std::string& camera : capture.cameras) cameras += (cameras.empty() ? "" : " ") + camera;
+    std::string settings;
+    for (const auto& [name, value] : capture.settings) settings += concat(name, "=", value, "\n");
     impl_->sql.run(
-        "INSERT INTO captures(id, kind, started_time_ns, finished_time_ns, pulses, cameras) "
-        "VALUES(?1, ?2, ?3, ?4, ?5, ?6) ON CONFLICT(id) DO UPDATE SET kind = ?2, started_time_ns = ?3, "
-        "finished_time_ns = ?4, pulses = ?5, cameras = ?6",
+        "INSERT INTO captures(id, kind, started_time_ns, finished_time_ns, pulses, cameras, pulses_wanted, "
+        "pre_pulses, ending, end_reason, settings) VALUES(?1, ?2, ?3, ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11) "
+        "ON CONFLICT(id) DO UPDATE SET kind = ?2, started_time_ns = ?3, finished_time_ns = ?4, pulses = ?5, "
+        "cameras = ?6, pulses_wanted = ?7, pre_pulses = ?8, ending = ?9, end_reason = ?10, settings = ?11",
         capture.id, name_of(capture.kind), capture.started_time_ns, capture.finished_time_ns, capture.pulses,
-        cameras);
+        cameras, capture.pulses_wanted, capture.pre_pulses, name_of(capture.end), capture.end_reason,
+        settings);
+    for (const CameraAccount& account : capture.accounts) {
+      const auto keep = [&](const std::string& name, std::int64_t value) {
+        impl_->sql.run(
+            "INSERT INTO capture_counters(capture, camera, name, value) VALUES(?1, ?2, ?3, ?4) "
+            "ON CONFLICT(capture, camera, name) DO UPDATE SET value = ?4",
+            capture.id, account.camera, name, value);
+      };
+      keep("frames-in", account.frames_in);
+      keep("delivered", account.delivered);
+      for (const auto& [name, value] : account.counters) keep(name, value);
+    }
     return {};
   });
 }

@@ -36,6 +36,11 @@ Result<LedgerReader> LedgerReader::open(const std::filesystem::path& directory) 
 
 namespace {
 
+// The first columns of whoever asks.
+constexpr const char* kCaptureColumns =
+    "c.id, kind, started_time_ns, finished_time_ns, pulses, cameras, pulses_wanted, pre_pulses, ending, "
+    "end_reason, settings";
+
 PutCapture capture_of(SQLite::Statement& row) {
   PutCapture capture;
   capture.id = row.getColumn(0).getString();
@@ -45,6 +50,15 @@ PutCapture capture_of(SQLite::Statement& row) {
   capture.pulses = row.getColumn(4).getInt64();
   std::istringstream names(row.getColumn(5).getString());
   for (std::string name; names >> name;) capture.cameras.push_back(name);
+  capture.pulses_wanted = row.getColumn(6).getInt64();
+  capture.pre_pulses = row.getColumn(7).getInt64();
+  capture.end = capture_end_from_name(row.getColumn(8).getString()).value_or(CaptureEnd::None);
+  capture.end_reason = row.getColumn(9).getString();
+  std::istringstream settings(row.getColumn(10).getString());
+  for (std::string line; std::getline(settings, line);) {
+    const std::size_t equals = line.find('=');
+    if (equals != std::string::npos) capture.settings[line.substr(0, equals)] = line.substr(equals + 1);
+  }
   return capture;
 }
 
@@ -57,13 +71,14 @@ tl::unexpected<Error> unknown(std::string_view what, const std::string& id) {
 Result<std::vector<CaptureRow>> LedgerReader::captures() {
   return guarded(impl_->database, [&]() -> Result<std::vector<CaptureRow>> {
     std::vector<CaptureRow> rows;
-    auto& row = impl_->sql(
-        "SELECT c.id, kind, started_time_ns, finished_time_ns, pulses, cameras, count(s.id), "
-        "coalesce(sum(s.frames), 0), coalesce(sum(s.losses), 0) FROM captures c LEFT JOIN sets s "
-        "ON s.capture = c.id GROUP BY c.id ORDER BY started_time_ns, c.id");
+    static const std::string kQuestion =
+        concat("SELECT ", kCaptureColumns,
+               ", count(s.id), coalesce(sum(s.frames), 0), coalesce(sum(s.losses), 0) FROM captures c "
+               "LEFT JOIN sets s ON s.capture = c.id GROUP BY c.id ORDER BY started_time_ns, c.id");
+    auto& row = impl_->sql(kQuestion.c_str());
     while (row.executeStep())
-      rows.push_back({capture_of(row), row.getColumn(6).getInt64(), row.getColumn(7).getInt64(),
-                      row.getColumn(8).getInt64()});
+      rows.push_back({capture_of(row), row.getColumn(11).getInt64(), row.getColumn(12).getInt64(),
+                      row.getColumn(13).getInt64()});
     row.reset();
     return rows;
   });
@@ -209,9 +224,18 @@ void read_cameras(Receipt& receipt, Statements& sql) {
       line.losses[row.getColumn(1).getString()] = count;
   }
   row.reset();
+  auto& counter =
+      sql("SELECT camera, name, value FROM capture_counters WHERE capture = ?1", receipt.capture.id);
+  while (counter.executeStep())
+    lines[counter.getColumn(0).getString()].counters[counter.getColumn(1).getString()] =
+        counter.getColumn(2).getInt64();
+  counter.reset();
+  if (receipt.capture.end == CaptureEnd::Interrupted)
+    receipt.sets_not_stored = std::max<std::int64_t>(pulses - receipt.sets, 0);
   for (auto& [camera, line] : lines) {
     line.camera = camera;
     line.pulses = pulses;
+    if (receipt.sets_not_stored > 0) line.losses["not-stored"] = receipt.sets_not_stored;
     receipt.cameras.push_back(line);
   }
 }
@@ -250,9 +274,9 @@ Result<Receipt> LedgerReader::receipt(const std::string& capture) {
   return guarded(impl_->database, [&]() -> Result<Receipt> {
     SQLite::Transaction snapshot(impl_->database);  // all counts from one moment
     Receipt receipt;
-    auto& row = impl_->sql(
-        "SELECT id, kind, started_time_ns, finished_time_ns, pulses, cameras FROM captures WHERE id = ?1",
-        capture);
+    static const std::string kQuestion =
+        concat("SELECT ", kCaptureColumns, " FROM captures c WHERE c.id = ?1");
+    auto& row = impl_->sql(kQuestion.c_str(), capture);
     if (!row.executeStep()) return unknown("capture", capture);
     receipt.capture = capture_of(row);
     row.reset();

@@ -57,7 +57,9 @@ struct Receipt {
     std::string camera;
     std::int64_t pulses = 0;  // in which it had to deliver
     std::int64_t frames = 0;
-    std::map<std::string, std::int64_t> losses;  // by cause
+    std::map<std::string, std::int64_t> losses;  // by cause; of an interrupted capture also: not-stored
+    // What else the array counted, e.g. late, duplicate, extra, count-slip: see CameraAccount.
+    std::map<std::string, std::int64_t> counters = {};
     bool balances() const;
   };
   struct Failure {
@@ -67,6 +69,7 @@ struct Receipt {
   PutCapture capture;
   std::vector<CameraLine> cameras;
   std::int64_t sets = 0;
+  std::int64_t sets_not_stored = 0;  // seen, but the capture was interrupted before they were durable
   std::int64_t volumes = 0, failed = 0, pending = 0, not_asked = 0;  // sets
   std::int64_t combined_volumes = 0;                                 // runs of several sets
   std::vector<Failure> failures;

@@ -183,6 +183,33 @@ CREATE TRIGGER count_jobs_moved AFTER UPDATE OF state ON jobs WHEN old.state <> 
   UPDATE totals SET n = n - 1 WHERE what = old.state;
   UPDATE totals SET n = n + 1 WHERE what = new.state;
 END;
+)sql",
+    // Sets with a corrupt frame were refused; captures say how they ended,
+    // and what the array counted of each camera.
+    R"sql(
+CREATE TABLE frames_2(                             -- one row per camera and set: a frame or a named loss
+  set_id INTEGER NOT NULL REFERENCES sets(id),
+  camera TEXT NOT NULL,
+  loss TEXT CHECK(loss IN ('missed', 'incomplete', 'late', 'duplicate', 'camera-lost', 'no-buffer', 'corrupt')),
+  PRIMARY KEY(set_id, camera)
+) STRICT, WITHOUT ROWID;
+INSERT INTO frames_2 SELECT set_id, camera, loss FROM frames;
+DROP TABLE frames;
+ALTER TABLE frames_2 RENAME TO frames;
+
+ALTER TABLE captures ADD COLUMN pulses_wanted INTEGER NOT NULL DEFAULT 0;  -- 0: until stopped
+ALTER TABLE captures ADD COLUMN pre_pulses INTEGER NOT NULL DEFAULT 0;     -- of the pulses: before the request
+ALTER TABLE captures ADD COLUMN ending TEXT NOT NULL DEFAULT 'none'
+  CHECK(ending IN ('none', 'complete', 'stopped', 'storage', 'interrupted'));
+ALTER TABLE captures ADD COLUMN end_reason TEXT NOT NULL DEFAULT '';
+ALTER TABLE captures ADD COLUMN settings TEXT NOT NULL DEFAULT '';         -- of the cameras, "name=value", one a line
+CREATE TABLE capture_counters(                     -- frames-in, delivered, late, duplicate, extra, count-slip, ...
+  capture TEXT NOT NULL REFERENCES captures(id),
+  camera TEXT NOT NULL,
+  name TEXT NOT NULL,
+  value INTEGER NOT NULL,
+  PRIMARY KEY(capture, camera, name)
+) STRICT, WITHOUT ROWID;
 )sql"};
 
 }  // namespace
@@ -192,9 +219,13 @@ int newest_schema_version() {
 }
 
 bool migrate(SQLite::Database& database) {
+  return migrate(database, newest_schema_version());
+}
+
+bool migrate(SQLite::Database& database, int wanted) {
   int version = database.execAndGet("PRAGMA user_version").getInt();
-  if (version > newest_schema_version()) return false;
-  for (; version < newest_schema_version(); ++version) {
+  if (version > wanted) return false;
+  for (; version < wanted; ++version) {
     SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
     database.exec(kMigrations[static_cast<std::size_t>(version)]);
     database.exec("PRAGMA user_version = " + std::to_string(version + 1));

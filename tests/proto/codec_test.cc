@@ -111,7 +111,18 @@ std::vector<Message> one_of_each() {
   const Error error{ErrorCode::DataLoss, "x (y) z"};
   return {PutSet{small_set()},
           SetStored{{"burst", 3}, true},
-          PutCapture{"burst", CaptureKind::Dark, 1, 2, 30, {"cam00"}},
+          PutCapture{"burst",
+                     CaptureKind::Dark,
+                     1,
+                     2,
+                     30,
+                     {"cam00"},
+                     40,
+                     5,
+                     CaptureEnd::Stopped,
+                     "on request",
+                     {{"cam00", 31, 29, {{"missed", 1}}, {{"late", 2}}}},
+                     {{"exposure_us", "350"}}},
           PutRig{small_rig()},
           RigStored{"abc"},
           LivePlan{true, some_processing()},
@@ -132,7 +143,7 @@ std::vector<Message> one_of_each() {
           Accepted{},
           Rejected{error},
           Event{5, "set-stored", "burst", "text"},
-          StartCapture{CaptureKind::Burst, 30, "burst"},
+          StartCapture{CaptureKind::Burst, 30, "burst", 5},
           StopCapture{},
           GetCapture{},
           GetPreview{"cam00"},
@@ -142,11 +153,16 @@ std::vector<Message> one_of_each() {
                        30,
                        7,
                        6,
-                       {{"cam00", "127.0.0.2", true, 7, {{"missed", 1}}, 0.25}}},
+                       {{"cam00", "127.0.0.2", true, 7, {{"missed", 1}}, 0.25, {{"late", 2}}}},
+                       1,
+                       2,
+                       3,
+                       "disk full"},
           ControlJobs{JobAction::Cancel, {3, 4}, 5, true},
           JobsControlled{2, 1},
           GetJobs{JobState::Failed, 5, 20},
-          Jobs{{{3, "run", JobState::Failed, Priority::Scheduled, "me", 5, 2, "w1", 17, "out of memory"}}}};
+          Jobs{{{3, "run", JobState::Failed, Priority::Scheduled, "me", 5, 2, "w1", 17, "out of memory"}}},
+          StandBy{}};
 }
 
 TEST(Codec, EveryMessageSurvivesARoundTrip) {

@@ -1,5 +1,6 @@
 #include "services/ledger/ledger.h"
 
+#include <SQLiteCpp/Database.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -7,6 +8,7 @@
 #include <cstdlib>
 
 #include "services/ledger/reader.h"
+#include "services/ledger/schema.h"
 #include "tests/services/support.h"
 
 namespace flamefield {
@@ -258,6 +260,51 @@ TEST(Ledger, AnotherProcessIsTurnedAwayWithThePidOfTheHolder) {
   EXPECT_EQ(refused.error().code, ErrorCode::Unavailable);
   EXPECT_NE(refused.error().message.find(concat("process ", ::getpid())), std::string::npos)
       << refused.error().message;
+}
+
+TEST(Ledger, LedgerOfTheFirstVersionKeepsItsFramesAndTakesCorruptOnes) {
+  Scratch scratch;
+  {
+    SQLite::Database old(ledger_path(scratch.path()).string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    ASSERT_TRUE(migrate(old, 1));
+    old.exec(
+        "INSERT INTO captures(id, kind, started_time_ns, finished_time_ns, pulses, cameras) VALUES('burst', "
+        "'burst', 1, 2, 1, 'cam00 cam01')");
+    old.exec("INSERT INTO sets VALUES(1, 'burst', 0, 1, 1, 1, 1, 1, 0, 100, 1, 1)");
+    old.exec("INSERT INTO frames VALUES(1, 'cam00', NULL), (1, 'cam01', 'late')");
+  }
+  auto ledger = Ledger::open(scratch.path());
+  ASSERT_TRUE(ledger) << ledger.error().message;
+  FrameSet set = make_set("other", 0);
+  set.losses = {{"cam02", LossCause::Corrupt}};
+  const auto added = ledger->add_set(set, {1, 100, 100}, kNow);
+  ASSERT_TRUE(added) << added.error().message;
+  auto reader = LedgerReader::open(scratch.path());
+  ASSERT_TRUE(reader) << reader.error().message;
+  const Receipt receipt = reader->receipt("burst").value();
+  EXPECT_TRUE(receipt.balances());
+  EXPECT_EQ(receipt.cameras.at(0).frames, 1);
+  EXPECT_EQ(receipt.cameras.at(1).losses.at("late"), 1);
+}
+
+TEST(Ledger, CaptureSaysHowItEndedAndWhatItsCamerasWereSetTo) {
+  Scratch scratch;
+  Ledger ledger = open_filled(scratch, 0);
+  PutCapture capture{"burst", CaptureKind::Burst,  1,          2, 0, {"cam00", "cam01"}, 40,
+                     3,       CaptureEnd::Storage, "disk full"};
+  capture.accounts = {{"cam00", 9, 7, {}, {{"late", 2}}}, {"cam01", 7, 7, {}, {}}};
+  capture.settings = {{"exposure_us", "350"}, {"trigger", "Line1"}};
+  ASSERT_TRUE(ledger.put_capture(capture));
+  auto reader = LedgerReader::open(scratch.path());
+  ASSERT_TRUE(reader);
+  const Receipt receipt = reader->receipt("burst").value();
+  EXPECT_EQ(receipt.capture.end, CaptureEnd::Storage);
+  EXPECT_EQ(receipt.capture.end_reason, "disk full");
+  EXPECT_EQ(receipt.capture.pulses_wanted, 40);
+  EXPECT_EQ(receipt.capture.pre_pulses, 3);
+  EXPECT_EQ(receipt.capture.settings, capture.settings);
+  EXPECT_EQ(receipt.cameras.at(0).counters.at("late"), 2);
+  EXPECT_EQ(receipt.cameras.at(0).counters.at("frames-in"), 9);
 }
 
 TEST(Ledger, ALedgerOfANewerProgramIsLeftAlone) {
