@@ -13,6 +13,9 @@
 namespace flamefield {
 namespace {
 
+// A program that was killed holds its cameras until their heartbeat, 3 s, runs out.
+constexpr std::chrono::seconds kOpenPatience{8};
+
 struct Arguments {
   std::filesystem::path config, data, keys;
   std::string dispatcher, endpoint;
@@ -29,11 +32,8 @@ Result<> serve(const Arguments& arguments) {
   if (!keys) return tl::unexpected(keys.error());
   Bus bus(*keys);
 
-  AcquisitionOptions options;
-  auto cameras = planned_cameras_of(*lab);
-  if (!cameras) return tl::unexpected(cameras.error());
-  options.cameras = std::move(*cameras);
-  options.settings = settings_of(*lab);
+  AcquisitionOptions options = acquisition_of(*lab);
+  options.open_patience = kOpenPatience;
   options.endpoints = {arguments.endpoint.empty() ? endpoints->acquisition : arguments.endpoint};
   options.dispatcher_endpoint = arguments.dispatcher.empty() ? endpoints->dispatcher : arguments.dispatcher;
   auto acquisition = Acquisition::open(bus, std::move(options));

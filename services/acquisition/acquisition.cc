@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <ctime>
 #include <thread>
 
 #include "proto/utc.h"
@@ -11,27 +10,26 @@
 
 namespace flamefield {
 
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
 namespace {
 
-using std::chrono::milliseconds;
-
-// "20260301T101500123-burst": sorts by time, says what it is, and is unique to the millisecond.
-std::string capture_id(CaptureKind kind) {
-  const std::int64_t now_ms = utc_now_ns() / 1'000'000;
-  const std::time_t seconds = now_ms / 1000;
-  std::tm utc{};
-  gmtime_r(&seconds, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y%m%dT%H%M%S", &utc);
-  char millis[8];
-  std::snprintf(millis, sizeof millis, "%03d", static_cast<int>(now_ms % 1000));
-  return concat(text, millis, "-", name_of(kind));
-}
+constexpr milliseconds kIdleTick{50}, kDrainTick{5};
+constexpr seconds kStorePatience{10};   // of a service that is asked to stop, for what cannot be stored
+constexpr seconds kAnswerPatience{20};  // of someone who asked for the end of a capture
+constexpr seconds kReportInterval{1};   // between two tries to tell the dispatcher what became of a capture
+constexpr milliseconds kOpenRetry{250};
 
 }  // namespace
 
-Acquisition::Acquisition(Bus& bus, AcquisitionOptions options)
-    : bus_(bus), options_(std::move(options)), outbox_(bus, options_.dispatcher_endpoint) {
+Acquisition::Acquisition(Bus& bus, AcquisitionOptions options, CaptureJournal journal)
+    : bus_(bus),
+      options_(std::move(options)),
+      outbox_(bus, options_.dispatcher_endpoint),
+      journal_(std::move(journal)),
+      history_(options_.history),
+      previews_(PreviewPolicy{options_.most_waiting_sets}) {
   for (const CameraAddress& camera : options_.cameras) {
     state_.cameras.push_back(
         {.name = camera.name, .address = camera.address, .connected = true, .losses = {}});
@@ -39,15 +37,38 @@ Acquisition::Acquisition(Bus& bus, AcquisitionOptions options)
 }
 
 Result<std::unique_ptr<Acquisition>> Acquisition::open(Bus& bus, AcquisitionOptions options) {
-  std::unique_ptr<Acquisition> service(new Acquisition(bus, std::move(options)));
+  auto journal = CaptureJournal::open(options.journal);
+  if (!journal) return tl::unexpected(journal.error());
+  std::unique_ptr<Acquisition> service(new Acquisition(bus, std::move(options), std::move(*journal)));
   service->router_ = std::make_unique<Router>(bus);
   for (const std::string& endpoint : service->options_.endpoints) {
     if (auto bound = service->router_->bind(endpoint); !bound) return tl::unexpected(bound.error());
   }
-  auto array = CameraArray::open(service->options_.cameras, service->options_.settings);
-  if (!array) return tl::unexpected(array.error());
-  service->array_ = std::move(*array);
+  if (auto ok = service->open_cameras(); !ok) return tl::unexpected(ok.error());
   return service;
+}
+
+Result<> Acquisition::open_cameras() {
+  const auto give_up = Clock::now() + options_.open_patience;
+  auto array = CameraArray::open(options_.cameras, options_.settings);
+  while (!array && array.error().code == ErrorCode::Unavailable && Clock::now() < give_up) {
+    std::this_thread::sleep_for(kOpenRetry);
+    array = CameraArray::open(options_.cameras, options_.settings);
+  }
+  if (!array) return tl::unexpected(array.error());
+  array_ = std::move(*array);
+  if (options_.network) {
+    const auto plan = array_->share_link(*options_.network);
+    if (!plan) return tl::unexpected(plan.error());
+    for (const std::string& warning : plan->warnings)
+      log_event(LogLevel::Warning, "bandwidth", {{"warning", warning}});
+  }
+  if (options_.action_rate_hz > 0) {
+    auto trigger = ActionTrigger::open(array_->addresses(), options_.settings.action.value_or(ActionKeys{}));
+    if (!trigger) return tl::unexpected(trigger.error());
+    action_trigger_ = std::move(*trigger);
+  }
+  return {};
 }
 
 Result<> Acquisition::run(std::stop_token stop) {
@@ -55,155 +76,163 @@ Result<> Acquisition::run(std::stop_token stop) {
   // The sender outlives the last capture: it stops only when everything is stored, or nothing can be.
   std::jthread sender([&](std::stop_token sender_stop) { sending = outbox_.run(sender_stop); });
   while (!stop.stop_requested()) {
-    beat_ = std::chrono::steady_clock::now().time_since_epoch();
-    if (const auto delivery = router_->receive(milliseconds(50))) {
-      const Message reply =
-          delivery->message ? answer(*delivery->message, stop) : Message(Rejected{delivery->message.error()});
-      (void)router_->send(delivery->peer, reply, delivery->request);  // a client that left misses its answer
-    }
-    if (state().phase != CapturePhase::Idle && outbox_.waiting() > options_.most_waiting_sets) {
-      log_event(LogLevel::Error, "capture-stopped",
-                {{"capture", capture_.id},
-                 {"why", "sets come faster than they can be stored"},
-                 {"waiting_sets", outbox_.waiting()},
-                 {"dispatcher_says", outbox_.last_refusal()}});
-      finish(stop);
-    }
-    if (state().phase != CapturePhase::Idle && array_->wait_done(milliseconds(0))) finish(stop);
+    beat();
+    serve_requests();
+    follow_capture(false);
   }
-  if (state().phase != CapturePhase::Idle) finish(stop);
+  stands_by_ = false;
+  if (phase() == CapturePhase::Armed) end_capture(CaptureEnd::Stopped, "the service was stopped");
+  // A stop of the service drains as well, but not for ever: without a dispatcher nothing can be stored. What
+  // is given up then, the journal tells the next program.
+  const auto give_up = Clock::now() + kStorePatience;
+  while (is_capturing(phase()) && Clock::now() < give_up) {
+    beat();
+    serve_requests();
+    follow_capture(true);
+  }
+  if (is_armed_) disarm();
   sender.request_stop();
   sender.join();
   return sending;
 }
 
-Message Acquisition::answer(const Message& question, std::stop_token stop) {
-  if (const auto* request = std::get_if<StartCapture>(&question)) return start(*request, stop);
-  if (const auto* request = std::get_if<GetPreview>(&question)) return preview(*request);
-  if (std::holds_alternative<StopCapture>(question)) {
-    if (state().phase != CapturePhase::Idle) finish(stop);
-    return state();
-  }
-  if (std::holds_alternative<GetCapture>(question)) return state();
-  return Rejected{invalid_input("a request to the camera array", "it is not one that the array knows",
-                                "ask the dispatcher instead")
-                      .value()};
+void Acquisition::serve_requests() {
+  const bool is_draining = phase() == CapturePhase::Draining;
+  const auto delivery = router_->receive(is_draining ? kDrainTick : kIdleTick);
+  if (!delivery) return;
+  const auto reply = answer(*delivery);
+  if (reply) (void)router_->send(delivery->peer, *reply, delivery->request);  // a client that left misses it
 }
 
-Message Acquisition::start(const StartCapture& request, std::stop_token stop) {
-  if (state().phase != CapturePhase::Idle) {
-    return Rejected{unavailable("capture '" + state().id + "' is running", "the array takes one at a time",
-                                "wait for it, or run 'flamefield stop'")
-                        .value()};
-  }
-  capture_ = {.id = request.id.empty() ? capture_id(request.kind) : request.id,
-              .kind = request.kind,
-              .started_time_ns = utc_now_ns(),
-              .finished_time_ns = 0,
-              .pulses = 0,
-              .cameras = array_->names()};
-  if (!tell_dispatcher(capture_, stop)) {
-    return Rejected{unavailable("capture not started",
-                                "the dispatcher does not answer, so nothing could be stored",
-                                "check that it runs and that its disk has room")
-                        .value()};
-  }
-  if (options_.hooks.before) options_.hooks.before(request.kind);
-  {
-    const std::scoped_lock lock(mutex_);
-    state_.phase = CapturePhase::Armed;
-    state_.id = capture_.id;
-    state_.kind = request.kind;
-    state_.pulses_wanted = request.pulses;
-    state_.sets = state_.sets_stored = 0;
-    for (auto& camera : state_.cameras) camera.frames = 0, camera.losses.clear();
-  }
-  const auto started = array_->start({.capture = capture_.id, .kind = request.kind, .pulses = request.pulses},
-                                     [this](FrameSet set) { on_set(std::move(set)); });
-  if (!started) {
+// None: the answer comes when the capture has ended.
+std::optional<Message> Acquisition::answer(const Delivery& delivery) {
+  if (!delivery.message) return Rejected{delivery.message.error()};
+  const Message& question = *delivery.message;
+  if (const auto* request = std::get_if<StartCapture>(&question)) return start(*request);
+  if (const auto* request = std::get_if<GetPreview>(&question)) return preview(*request);
+  if (std::holds_alternative<StandBy>(question)) return stand_by();
+  if (std::holds_alternative<GetCapture>(question)) return state();
+  if (std::holds_alternative<StopCapture>(question)) {
+    if (phase() == CapturePhase::Armed) end_capture(CaptureEnd::Stopped, {});
+    if (phase() == CapturePhase::Draining) {
+      askers_.push_back({delivery.peer, delivery.request, Clock::now()});
+      return std::nullopt;
+    }
+    stands_by_ = false;
+    if (is_armed_) disarm();
     const std::scoped_lock lock(mutex_);
     state_.phase = CapturePhase::Idle;
-    return Rejected{started.error()};
+  } else {
+    return Rejected{invalid_input("a request to the camera array", "it is not one that the array knows",
+                                  "ask the dispatcher instead")
+                        .value()};
   }
-  if (options_.hooks.armed) options_.hooks.armed(request.kind, request.pulses);
   return state();
 }
 
-void Acquisition::on_set(FrameSet set) {
-  set.index = set.pulse - 1;
-  {
-    const std::scoped_lock lock(mutex_);
-    ++state_.sets;
-    for (auto& camera : state_.cameras) {
-      for (const Frame& frame : set.frames) {
-        if (frame.camera == camera.name) ++camera.frames, newest_[camera.name] = frame;
-      }
-      for (const FrameLoss& loss : set.losses) {
-        if (loss.camera == camera.name) ++camera.losses[std::string(name_of(loss.cause))];
-      }
+// What a capture does by itself.
+void Acquisition::follow_capture(bool is_stopping) {
+  close_left_behind();
+  const CapturePhase now = phase();
+  if (now == CapturePhase::Armed) {
+    if (outbox_.waiting() > options_.most_waiting_sets) {
+      const std::string refusal = outbox_.last_refusal();
+      end_capture(CaptureEnd::Storage,
+                  concat("sets came faster than they could be stored", refusal.empty() ? "" : ": ", refusal));
+    } else if (has_all_pulses()) {
+      end_capture(CaptureEnd::Complete, {});
     }
   }
-  outbox_.put(std::move(set));
+  if (phase() == CapturePhase::Draining && outbox_.waiting() == 0) close_capture();
+  if (phase() == CapturePhase::Idle && stands_by_ && !is_stopping) {
+    if (const Message reply = stand_by(); std::holds_alternative<Rejected>(reply)) {
+      stands_by_ = false;
+      log_event(LogLevel::Error, "standby-ended", {{"why", std::get<Rejected>(reply).error.message}});
+    }
+  }
+  answer_askers();
 }
 
-// Ends the capture: no more pulses, every set delivered by the cameras, every set durable.
-void Acquisition::finish(std::stop_token stop) {
-  if (options_.hooks.finished) options_.hooks.finished();
-  const CaptureReport report = array_->stop();
-  {
-    const std::scoped_lock lock(mutex_);
-    state_.phase = CapturePhase::Draining;
-    for (std::size_t i = 0; i < report.cameras.size(); ++i)
-      state_.cameras[i].connected = !report.cameras[i].is_lost;
-  }
-  const auto give_up = std::chrono::steady_clock::now() + std::chrono::seconds(10);
-  while (outbox_.waiting() > 0) {
-    beat_ = std::chrono::steady_clock::now().time_since_epoch();
-    // A stop of the service waits as well, but not for ever: without a dispatcher nothing can be stored.
-    if (stop.stop_requested() && std::chrono::steady_clock::now() > give_up) break;
-    std::this_thread::sleep_for(milliseconds(5));
-  }
-  capture_.finished_time_ns = utc_now_ns();
-  capture_.pulses = report.pulses;
-  tell_dispatcher(capture_, stop);
-  const std::scoped_lock lock(mutex_);
-  state_.phase = CapturePhase::Idle;
+void Acquisition::answer_askers() {
+  const bool is_over = !is_capturing(phase());
+  std::erase_if(askers_, [&](const Asker& asker) {
+    if (!is_over && Clock::now() - asker.since < kAnswerPatience) return false;
+    (void)router_->send(asker.peer, state(), asker.request);
+    return true;
+  });
 }
 
-bool Acquisition::tell_dispatcher(const PutCapture& capture, std::stop_token stop) {
+bool Acquisition::tell_dispatcher(const PutCapture& capture, milliseconds patience) {
   auto client = Client::connect(bus_, "producer", unique_name("capture"), options_.dispatcher_endpoint);
-  if (!client) return false;
-  for (int attempt = 0; attempt < 3 && !(attempt > 0 && stop.stop_requested()); ++attempt) {
-    if (client->ask_for<Accepted>(capture, std::chrono::seconds(3))) return true;
+  return client && client->ask_for<Accepted>(capture, patience);
+}
+
+// A program before this one ended in the middle of a capture.
+void Acquisition::close_left_behind() {
+  if (!journal_.left_behind() || Clock::now() < next_report_) return;
+  PutCapture capture = *journal_.left_behind();
+  const std::string before = capture.end_reason.empty() ? "" : concat(capture.end_reason, "; ");
+  capture.end = CaptureEnd::Interrupted;
+  capture.end_reason = concat(before, "the capturing program ended without closing it; ", capture.pulses,
+                              " pulses were seen by then");
+  capture.finished_time_ns = utc_now_ns();
+  if (!tell_dispatcher(capture, seconds(1))) {
+    next_report_ = Clock::now() + kReportInterval;
+    return;
   }
-  return false;
+  const std::scoped_lock lock(mutex_);
+  journal_.clear();
+  log_event(LogLevel::Error, "capture-interrupted",
+            {{"capture", capture.id}, {"pulses_seen", capture.pulses}, {"why", capture.end_reason}});
+}
+
+CapturePhase Acquisition::phase() const {
+  const std::scoped_lock lock(mutex_);
+  return state_.phase;
 }
 
 CaptureState Acquisition::state() const {
   const std::vector<std::string> lost =
       array_ ? array_->progress().lost_cameras : std::vector<std::string>();  // takes the array's lock
+  const std::int64_t waiting = outbox_.waiting();
+  const std::string refusal = outbox_.last_refusal();
   const std::scoped_lock lock(mutex_);
   CaptureState state = state_;
   if (state.phase != CapturePhase::Idle) {
     for (auto& camera : state.cameras)
       camera.connected = std::find(lost.begin(), lost.end(), camera.name) == lost.end();
   }
-  state.sets_stored = state.sets - std::min(state.sets, outbox_.waiting());
+  state.sets_stored = state.sets - std::min(state.sets, waiting);
+  state.sets_held = history_.sets();
+  state.previews_skipped = previews_.skipped();
+  if (capture_.end == CaptureEnd::Storage) state.trouble = capture_.end_reason;
+  if (is_capturing(state.phase) && PreviewPolicy{options_.most_waiting_sets}.stride(waiting) != 1) {
+    state.trouble = concat(state.trouble, state.trouble.empty() ? "" : "; ", waiting,
+                           " sets wait to be stored", refusal.empty() ? "" : ": ", refusal);
+  }
   for (auto& camera : state.cameras) {
-    if (const auto frame = newest_.find(camera.name); frame != newest_.end()) {
-      camera.newest_age_s = static_cast<double>(utc_now_ns() - frame->second.arrival_time_ns) * 1e-9;
-    }
+    if (const Frame* frame = previews_.newest(camera.name))
+      camera.newest_age_s = static_cast<double>(utc_now_ns() - frame->arrival_time_ns) * 1e-9;
   }
   return state;
 }
 
 std::optional<Frame> Acquisition::newest_frame(const std::string& camera) const {
   const std::scoped_lock lock(mutex_);
-  const auto found = newest_.find(camera);
-  return found == newest_.end() ? std::nullopt : std::optional(found->second);
+  const Frame* frame = previews_.newest(camera);
+  return frame ? std::optional(*frame) : std::nullopt;
 }
 
-Message Acquisition::preview(const GetPreview& request) const {
+Message Acquisition::preview(const GetPreview& request) {
+  {
+    const std::scoped_lock lock(mutex_);
+    if (is_capturing(state_.phase) && previews_.is_paused()) {
+      return Rejected{unavailable("preview of camera '" + request.camera + "'",
+                                  "storing does not keep up, and recording goes first",
+                                  "look again when fewer sets wait")
+                          .value()};
+    }
+  }
   const auto frame = newest_frame(request.camera);
   if (!frame) {
     return Rejected{not_found("no picture of camera '" + request.camera + "'",

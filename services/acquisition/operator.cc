@@ -21,17 +21,16 @@ Result<Operator> Operator::connect(Bus& bus, const std::string& role, const std:
   return Operator(std::move(*acquisition), std::move(*dispatcher));
 }
 
-Result<CaptureState> Operator::capture(CaptureKind kind, std::int64_t pulses, const Progress& progress,
+Result<CaptureState> Operator::capture(const StartCapture& request, const Progress& progress,
                                        std::stop_token stop) {
-  auto state =
-      acquisition_.ask_for<CaptureState>(StartCapture{.kind = kind, .pulses = pulses, .id = ""}, seconds(30));
-  while (state && state->phase != CapturePhase::Idle) {
+  auto state = acquisition_.ask_for<CaptureState>(request, seconds(30));
+  while (state && is_capturing(state->phase)) {
     if (stop.stop_requested()) return acquisition_.ask_for<CaptureState>(StopCapture{}, seconds(60));
-    progress(state->sets_stored, pulses);
+    progress(state->sets_stored, request.pulses);
     std::this_thread::sleep_for(milliseconds(50));
     state = acquisition_.ask_for<CaptureState>(GetCapture{}, seconds(30));  // draining may take a while
   }
-  if (state) progress(state->sets_stored, pulses);
+  if (state) progress(state->sets_stored, request.pulses);
   return state;
 }
 

@@ -21,8 +21,7 @@ class Operator {
   using Progress = std::function<void(std::int64_t done, std::int64_t total)>;
 
   // Captures and waits until every set is durable. When `stop` is requested the capture is ended (draining).
-  Result<CaptureState> capture(CaptureKind kind, std::int64_t pulses, const Progress& progress,
-                               std::stop_token stop);
+  Result<CaptureState> capture(const StartCapture& request, const Progress& progress, std::stop_token stop);
 
   // All sets of a capture, in order, as stored.
   Result<std::vector<FrameSet>> fetch(const std::string& capture, std::int64_t sets);

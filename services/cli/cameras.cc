@@ -42,6 +42,7 @@ std::vector<DiscoveredCamera> find_cameras(const LabConfig& lab) {
 void list(const Options& options, const Session& session) {
   const auto cameras = find_cameras(configuration(options));
   session.check_stop();
+  const Result<> differ = check_addresses_differ(cameras);
   if (options.json) {
     auto all = nlohmann::ordered_json::array();
     for (const DiscoveredCamera& camera : cameras) {
@@ -53,7 +54,7 @@ void list(const Options& options, const Session& session) {
                      {"model", camera.model}});
     }
     std::cout << all.dump(2) << '\n';
-    return;
+    return or_fail(differ);
   }
   std::cout << std::left << std::setw(12) << "NAME" << std::setw(14) << "SERIAL" << std::setw(17) << "ADDRESS"
             << std::setw(19) << "MAC"
@@ -63,6 +64,7 @@ void list(const Options& options, const Session& session) {
               << camera.address << std::setw(19) << camera.mac << camera.vendor << ' ' << camera.model
               << '\n';
   }
+  or_fail(differ);
 }
 
 // Opens all, sets and reads back what lab.toml says, and takes pictures by software.
@@ -75,7 +77,14 @@ void test(const Options& options, const Session& session) {
   }
   CameraSettings settings = settings_of(lab);
   settings.trigger_source = "Software";
-  const auto array = or_fail(CameraArray::open(or_usage(planned_cameras_of(lab)), settings));
+  settings.action.reset();
+  const auto array = or_fail(CameraArray::open(cameras_of(lab), settings));
+  const BandwidthPlan plan = or_usage(array->share_link(bandwidth_needs_of(lab)));
+  if (!options.json) {
+    std::cout << "all pictures of a pulse take " << std::fixed << std::setprecision(1) << plan.burst_ms
+              << " of the " << plan.period_ms << " ms between pulses; up to " << plan.most_rate_hz << " Hz\n";
+    for (const std::string& warning : plan.warnings) std::cout << "warning: " << warning << '\n';
+  }
   or_fail(array->start({.capture = "test"}, [](const FrameSet&) {}));
   for (int i = 0; i < options.pictures; ++i) {
     session.check_stop();

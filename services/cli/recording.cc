@@ -38,6 +38,12 @@ void export_capture(const Options& options, const Session& session) {
   const Endpoints endpoints = or_usage(endpoints_of(options.data.dir));
   Bus bus = open_bus(endpoints, "worker");
   auto client = or_fail(Client::connect(bus, "worker", unique_name("export"), endpoints.dispatcher));
+  // What the cameras were set to goes with the pictures.
+  Provenance provenance = {{"program_version", std::string(program_version())},
+                           {"capture", options.capture},
+                           {"command", session.command_line()}};
+  const Receipt receipt = or_fail(reader.receipt(options.capture));
+  for (const auto& [name, value] : receipt.capture.settings) provenance["capture." + name] = value;
   ProgressBar bar(concat("export ", options.capture));
   or_fail(convert_capture(
       [&](std::int64_t index) -> Result<FrameSet> {
@@ -46,10 +52,7 @@ void export_capture(const Options& options, const Session& session) {
         if (!data) return tl::unexpected(data.error());
         return std::move(data->set);
       },
-      static_cast<std::int64_t>(sets.size()), options.file,
-      {{"program_version", std::string(program_version())},
-       {"capture", options.capture},
-       {"command", session.command_line()}},
+      static_cast<std::int64_t>(sets.size()), options.file, provenance,
       [&](std::int64_t done, std::int64_t total) {
         bar.update(static_cast<double>(done), static_cast<double>(total), concat(done, " sets"));
       },

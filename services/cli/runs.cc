@@ -91,13 +91,25 @@ void receipt(const Options& options) {
     std::cout << json_of(found).dump(2) << '\n';
     return;
   }
-  std::cout << fmt::format("capture {} ({})\n\n{:<10} {:>8} {:>8}  {}\n", found.capture.id,
-                           name_of(found.capture.kind), "CAMERA", "PULSES", "FRAMES", "LOSSES");
+  const PutCapture& capture = found.capture;
+  std::cout << fmt::format("capture {} ({}), {}{}", capture.id, name_of(capture.kind),
+                           capture.finished_time_ns == 0 ? "not closed" : name_of(capture.end),
+                           capture.end_reason.empty() ? "" : ": " + capture.end_reason);
+  if (capture.pre_pulses > 0)
+    std::cout << fmt::format(", {} pulses from before the command", capture.pre_pulses);
+  if (found.sets_not_stored > 0)
+    std::cout << fmt::format("\n{} PULSES WERE SEEN BUT NOT STORED", found.sets_not_stored);
+  std::cout << fmt::format("\n\n{:<10} {:>8} {:>8}  {}\n", "CAMERA", "PULSES", "FRAMES", "LOSSES");
   for (const auto& line : found.cameras) {
     std::string losses;
     for (const auto& [cause, count] : line.losses) losses += fmt::format("{} {}  ", count, cause);
-    std::cout << fmt::format("{:<10} {:>8} {:>8}  {}{}\n", line.camera, line.pulses, line.frames,
-                             losses.empty() ? "none" : losses, line.balances() ? "" : "DOES NOT BALANCE");
+    std::string besides;
+    for (const auto& [name, count] : line.counters) {
+      if (name != "frames-in" && name != "delivered") besides += fmt::format("{} {}  ", count, name);
+    }
+    std::cout << fmt::format("{:<10} {:>8} {:>8}  {}{}{}\n", line.camera, line.pulses, line.frames,
+                             losses.empty() ? "none  " : losses, besides.empty() ? "" : "besides: " + besides,
+                             line.balances() ? "" : "DOES NOT BALANCE");
   }
   std::cout << fmt::format("\nsets stored {} = volumes {} + failed {} + pending {} + not asked for {}",
                            found.sets, found.volumes, found.failed, found.pending, found.not_asked);

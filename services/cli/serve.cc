@@ -83,6 +83,7 @@ void run(const Options& options, const Session& session) {
   Bus bus(keys);
 
   EmbeddedOptions embedded;
+  embedded.acquisition = acquisition_of(lab);
   embedded.data_dir = lab.data_directory;
   embedded.http_host = lab.http_host;
   embedded.http_port = lab.http_port;
@@ -96,13 +97,20 @@ void run(const Options& options, const Session& session) {
   if (!lab.acquisition_endpoint.empty()) embedded.acquisition.endpoints.push_back(lab.acquisition_endpoint);
 
   std::unique_ptr<Laboratory> laboratory;
-  embedded.acquisition.cameras = or_usage(planned_cameras_of(lab));
-  embedded.acquisition.settings = settings_of(lab);
   if (embedded.acquisition.cameras.empty()) {
     laboratory = simulated(lab, options);
     embedded.acquisition.cameras = laboratory->cameras();
-    embedded.acquisition.settings = laboratory->camera_settings(lab.pixel_format);
+    CameraSettings settings = laboratory->camera_settings(lab.pixel_format);
+    settings.region = embedded.acquisition.settings.region;
+    settings.binning_x = lab.binning_x;
+    settings.binning_y = lab.binning_y;
     embedded.acquisition.hooks = laboratory->hooks();
+    if (lab.trigger_source == "action") {
+      settings.trigger_source = embedded.acquisition.settings.trigger_source;
+      settings.action = embedded.acquisition.settings.action;
+      embedded.acquisition.hooks = {.before = embedded.acquisition.hooks.before, .armed = {}, .finished = {}};
+    }
+    embedded.acquisition.settings = settings;
   }
   const auto services = or_fail(Embedded::start(bus, embedded));
   if (laboratory) {

@@ -24,6 +24,9 @@ std::string text_of(const CaptureState& array, const Status& status) {
   if (!array.id.empty()) {
     out += fmt::format(", capture {}: {} sets, {} stored", array.id, array.sets, array.sets_stored);
   }
+  if (array.phase == CapturePhase::Standby)
+    out += fmt::format("; the last {} pulses are kept", array.sets_held);
+  if (!array.trouble.empty()) out += fmt::format("\nTROUBLE    {}", array.trouble);
   out += fmt::format("\njobs       {} waiting, {} running, {} done, {} failed\nstored     {} sets, {} runs\n",
                      status.queued, status.leased, status.done, status.failed, status.sets, status.runs);
   if (status.paused) out += "paused     everything, until 'flamefield jobs resume --all'\n";

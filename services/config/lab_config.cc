@@ -116,13 +116,34 @@ void read_cameras(const TomlFile& file, KeyReader& keys, LabConfig& lab) {
 
 void read_capture(KeyReader& keys, LabConfig& lab) {
   keys.take("trigger.rate_hz", lab.trigger_rate_hz, 1e-3, 1000);
+  keys.take("trigger.source", lab.trigger_source);
+  if (lab.trigger_source != "line" && lab.trigger_source != "action")
+    keys.refuse("trigger.source", concat("'", lab.trigger_source, "' is unknown"),
+                suggest(lab.trigger_source, {"line", "action"}));
   keys.take("trigger.line", lab.trigger_line);
+  keys.take("trigger.action_device_key", lab.action_device_key, 0, 4294967295.0);
+  keys.take("trigger.action_group_key", lab.action_group_key, 0, 4294967295.0);
+  keys.take("trigger.action_group_mask", lab.action_group_mask, 1, 4294967295.0);
+  keys.take("trigger.action_broadcast", lab.action_broadcast);
   keys.take("capture.exposure_us", lab.exposure_us, 1, 1e7);
   keys.take("capture.gain_db", lab.gain_db, 0, 48);
   keys.take("capture.trigger_delay_us", lab.trigger_delay_us, 0, 1e6);
   keys.take("capture.black_level_raw", lab.black_level_raw, 0, 1e5);
   keys.take("capture.binning_x", lab.binning_x, 1, 4);
   keys.take("capture.binning_y", lab.binning_y, 1, 4);
+  keys.take("capture.offset_x_px", lab.offset_x_px, 0, 65535);
+  keys.take("capture.offset_y_px", lab.offset_y_px, 0, 65535);
+  keys.take("capture.width_px", lab.width_px, 0, 65535);
+  keys.take("capture.height_px", lab.height_px, 0, 65535);
+  if ((lab.width_px > 0) != (lab.height_px > 0)) {
+    keys.refuse(lab.width_px > 0 ? "capture.width_px" : "capture.height_px",
+                "a region has a width and a height", "give both, or neither for the whole sensor");
+  }
+  if (lab.width_px == 0 && (lab.offset_x_px > 0 || lab.offset_y_px > 0))
+    keys.refuse(lab.offset_x_px > 0 ? "capture.offset_x_px" : "capture.offset_y_px",
+                "an offset without a size moves nothing", "give width_px and height_px too");
+  keys.take("capture.history_pulses", lab.history_pulses, 0, 1e5);
+  keys.take("capture.history_mib", lab.history_mib, 1, 1e6);
   keys.take("network.packet_size_bytes", lab.packet_size_bytes, 220, 16404);
   keys.take("network.link_mbit_per_s", lab.link_mbit_per_s, 10, 4e5);
   keys.take("network.switch_buffer_kib", lab.switch_buffer_kib, 0, 1e6);

@@ -24,8 +24,13 @@ struct LabConfig {
   std::filesystem::path data_directory = "flamefield-data";  // data_directory: spool, ledger, volumes
   std::vector<LabCamera> cameras;  // [[camera]] name, address, serial; none: simulated array
   // [trigger]
-  double trigger_rate_hz = 5;          // rate_hz, (0, 1000]
-  std::string trigger_line = "Line1";  // line
+  double trigger_rate_hz = 5;           // rate_hz, (0, 1000]
+  std::string trigger_source = "line";  // source: line or action, which this program then sends itself
+  std::string trigger_line = "Line1";   // line
+  // action_device_key, action_group_key, action_group_mask, [0, 4 294 967 295]; of GigE Vision action
+  // commands
+  std::uint32_t action_device_key = 1, action_group_key = 1, action_group_mask = 1;
+  std::string action_broadcast;  // action_broadcast: one packet for all; empty: one to each camera
   // [capture]
   int exposure_us = 1000;                         // exposure_us, [1, 10 000 000]
   double gain_db = 0;                             // gain_db, [0, 48]
@@ -33,6 +38,10 @@ struct LabConfig {
   int trigger_delay_us = 0;                       // trigger_delay_us, [0, 1 000 000]
   int black_level_raw = 0;                        // black_level_raw, [0, 100 000]
   int binning_x = 1, binning_y = 1;               // binning_x, binning_y, [1, 4]
+  int offset_x_px = 0, offset_y_px = 0;           // offset_x_px, offset_y_px, [0, 65 535], of binned pixels
+  int width_px = 0, height_px = 0;                // width_px, height_px, [0, 65 535]; 0: all of the sensor
+  int history_pulses = 50;                        // history_pulses, [0, 100 000]: kept in memory in standby
+  int history_mib = 512;                          // history_mib, [1, 1 000 000]: as long as they fit in this
   // [network] between the cameras and this machine
   int packet_size_bytes = 1500;   // packet_size_bytes, [220, 16404]
   double link_mbit_per_s = 1000;  // link_mbit_per_s: of the uplink that all cameras share, [10, 400 000]

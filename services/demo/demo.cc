@@ -143,7 +143,7 @@ Result<> Demo::start_services() {
 }
 
 Result<std::string> Demo::capture(CaptureKind kind, std::int64_t pulses, const std::string& name) {
-  const auto state = operator_->capture(kind, pulses, stage(name), stop_);
+  const auto state = operator_->capture({.kind = kind, .pulses = pulses}, stage(name), stop_);
   if (!state) return tl::unexpected(state.error());
   if (auto ok = keep_going(); !ok) return tl::unexpected(ok.error());
   return state->id;

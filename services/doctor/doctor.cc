@@ -44,11 +44,11 @@ Finding check_bandwidth(const BandwidthNeeds& needs) {
     return out;
   }
   char text[200];
-  std::snprintf(
-      text, sizeof text,
-      "%zu frames of %s take %.1f ms of the %.1f ms between pulses; %zu cameras send at once; up to %.1f Hz",
-      needs.cameras, std::string(name_of(needs.format)).c_str(), plan->burst_ms, plan->period_ms,
-      plan->at_once, plan->most_rate_hz);
+  std::snprintf(text, sizeof text,
+                "%zu frames of %s, %dx%d px, take %.1f ms of the %.1f ms between pulses; %zu cameras send at "
+                "once; up to %.1f Hz",
+                needs.cameras, std::string(name_of(needs.format)).c_str(), needs.width_px, needs.height_px,
+                plan->burst_ms, plan->period_ms, plan->at_once, plan->most_rate_hz);
   out.found = text;
   for (const std::string& warning : plan->warnings) {
     out.health = Health::Doubtful;

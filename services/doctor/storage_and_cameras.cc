@@ -79,7 +79,7 @@ std::vector<Finding> check_disk(const fs::path& directory, double bytes_per_s, b
 
 std::vector<Finding> check_cameras(const std::vector<CameraAddress>& cameras) {
   std::vector<Finding> out;
-  const auto resolved = resolve_addresses(cameras);
+  const auto resolved = resolve_addresses(cameras);  // two cameras at one address are found here
   if (!resolved) {
     out.push_back({Health::Bad, "cameras", resolved.error().message, {}});
     return out;

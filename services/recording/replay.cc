@@ -34,6 +34,7 @@ Result<ReplayReport> replay(const FrameReader& recording, Bus& bus, const std::s
   const auto first = recording.read(0);
   if (!first) return tl::unexpected(first.error());
   PutCapture capture{options.capture, first->kind, utc_now_ns(), 0, 0, cameras_of(*first)};
+  capture.pulses_wanted = static_cast<std::int64_t>(recording.sets());
   if (auto ok = client->ask_for<Accepted>(capture, std::chrono::seconds(10)); !ok)
     return tl::unexpected(ok.error());
   const auto begin = Clock::now();
@@ -61,6 +62,7 @@ Result<ReplayReport> replay(const FrameReader& recording, Bus& bus, const std::s
   report.seconds = std::chrono::duration<double>(Clock::now() - begin).count();
   capture.finished_time_ns = utc_now_ns();
   capture.pulses = report.sets;
+  capture.end = stop.stop_requested() ? CaptureEnd::Stopped : CaptureEnd::Complete;
   if (auto ok = client->ask_for<Accepted>(capture, std::chrono::seconds(10)); !ok)
     return tl::unexpected(ok.error());
   return report;

@@ -111,7 +111,8 @@ std::string status_json(LiveServices& services, const std::filesystem::path& rep
       cameras.push_back(
           {{"name", camera.name}, {"state", camera.connected ? "ok" : "lost"}, {"lost_frames", camera_lost}});
     }
-    json["array"] = {{"state", array->phase == CapturePhase::Idle ? "idle" : "capturing"},
+    json["array"] = {{"state", is_capturing(array->phase) ? "capturing" : name_of(array->phase)},
+                     {"trouble", array->trouble},
                      {"cameras", std::move(cameras)}};
     if (!array->id.empty()) {
       json["capture"] = {{"id", array->id}, {"kind", name_of(array->kind)}};

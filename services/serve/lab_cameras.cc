@@ -14,8 +14,9 @@ BandwidthNeeds bandwidth_needs_of(const LabConfig& lab) {
   BandwidthNeeds needs;
   needs.cameras = lab.cameras.empty() ? static_cast<std::size_t>(lab.simulated_cameras) : lab.cameras.size();
   needs.rate_hz = lab.trigger_rate_hz;
-  needs.width_px /= lab.binning_x;
-  needs.height_px /= lab.binning_y;
+  // Of the camera that most laboratories of this kind have; once cameras are open, they say it themselves.
+  needs.width_px = lab.width_px > 0 ? lab.width_px : needs.width_px / lab.binning_x;
+  needs.height_px = lab.height_px > 0 ? lab.height_px : needs.height_px / lab.binning_y;
   needs.format = lab.pixel_format;
   needs.packet_size_bytes = lab.packet_size_bytes;
   needs.exposure_us = lab.exposure_us;
@@ -24,19 +25,26 @@ BandwidthNeeds bandwidth_needs_of(const LabConfig& lab) {
   return needs;
 }
 
-Result<std::vector<CameraAddress>> planned_cameras_of(const LabConfig& lab) {
-  std::vector<CameraAddress> cameras = cameras_of(lab);
-  if (cameras.empty()) return cameras;
-  const auto plan = plan_bandwidth(bandwidth_needs_of(lab));
-  if (!plan) return tl::unexpected(plan.error());
-  for (std::size_t i = 0; i < cameras.size(); ++i) cameras[i].frame_delay_ns = plan->frame_delay_ns[i];
-  return cameras;
+AcquisitionOptions acquisition_of(const LabConfig& lab) {
+  AcquisitionOptions options;
+  options.cameras = cameras_of(lab);
+  options.settings = settings_of(lab);
+  if (!options.cameras.empty()) options.network = bandwidth_needs_of(lab);
+  if (lab.trigger_source == "action") options.action_rate_hz = lab.trigger_rate_hz;
+  options.history = {lab.history_pulses, std::int64_t{lab.history_mib} << 20};
+  options.journal = lab.data_directory / "capture.journal";
+  return options;
 }
 
 CameraSettings settings_of(const LabConfig& lab) {
   constexpr double kDecibelPerRawStep = 0.0359;  // of the acA645's GainRaw
   CameraSettings settings;
   settings.trigger_source = lab.trigger_line;
+  if (lab.trigger_source == "action") {
+    settings.trigger_source = "Action1";
+    settings.action =
+        ActionKeys{lab.action_device_key, lab.action_group_key, lab.action_group_mask, lab.action_broadcast};
+  }
   settings.exposure_us = lab.exposure_us;
   settings.gain_raw = static_cast<int>(std::lround(lab.gain_db / kDecibelPerRawStep));
   settings.pixel_format = lab.pixel_format;
@@ -45,6 +53,8 @@ CameraSettings settings_of(const LabConfig& lab) {
   settings.binning_x = lab.binning_x;
   settings.binning_y = lab.binning_y;
   settings.packet_size_bytes = lab.packet_size_bytes;
+  if (lab.width_px > 0 && lab.height_px > 0)
+    settings.region = SensorRegion{lab.offset_x_px, lab.offset_y_px, lab.width_px, lab.height_px};
   return settings;
 }
 

@@ -10,8 +10,7 @@ Result<> LivePlanner::start() {
 }
 
 Result<> LivePlanner::watch(const CaptureState& state) {
-  if (state.phase != CapturePhase::Idle || state.id.empty() || state.id == known_ || state.sets == 0)
-    return {};
+  if (is_capturing(state.phase) || state.id.empty() || state.id == known_ || state.sets == 0) return {};
   known_ = state.id;
   switch (state.kind) {
     case CaptureKind::Dark:

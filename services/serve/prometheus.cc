@@ -38,8 +38,7 @@ std::string label(std::string_view key, std::string_view value) {
 }
 
 void add_array(const CaptureState& array, Exposition& out) {
-  out.single("capturing", "gauge", "1 while a capture is under way",
-             array.phase == CapturePhase::Idle ? 0 : 1);
+  out.single("capturing", "gauge", "1 while a capture is under way", is_capturing(array.phase) ? 1 : 0);
   out.single("sets_assembled_total", "counter", "Frame sets of the capture", array.sets);
   out.single("sets_stored_total", "counter", "Of these, acknowledged as durable", array.sets_stored);
   out.family("camera_connected", "gauge", "0 while a camera does not deliver");
@@ -51,6 +50,18 @@ void add_array(const CaptureState& array, Exposition& out) {
     for (const auto& [cause, count] : camera.losses)
       out.sample(count, concat(label("camera", camera.name), ",", label("cause", cause)));
   }
+  out.family("camera_events_total", "counter",
+             "Frames that came and are in no set (late, duplicate, extra, ...), and other events, by name");
+  for (const auto& camera : array.cameras) {
+    for (const auto& [name, count] : camera.counters)
+      out.sample(count, concat(label("camera", camera.name), ",", label("event", name)));
+  }
+  out.single("sets_waiting", "gauge", "Frame sets that are not yet durable", array.sets - array.sets_stored);
+  out.single("sets_held", "gauge", "Frame sets that standby keeps in memory", array.sets_held);
+  out.single("previews_skipped_total", "counter",
+             "Frames that no preview showed, so that recording goes first", array.previews_skipped);
+  out.single("capture_in_trouble", "gauge", "1 while storing does not keep up, or has ended a capture",
+             array.trouble.empty() ? 0 : 1);
   out.family("camera_newest_age_seconds", "gauge", "Since the newest frame of a camera");
   for (const auto& camera : array.cameras) {
     if (camera.newest_age_s >= 0) out.sample(camera.newest_age_s, label("camera", camera.name));

@@ -63,6 +63,7 @@ Json json_of(const Receipt& receipt) {
                        {"pulses", line.pulses},
                        {"frames", line.frames},
                        {"losses", line.losses},
+                       {"counters", line.counters},
                        {"balances", line.balances()}});
   }
   Json failures = Json::array();
@@ -72,7 +73,13 @@ Json json_of(const Receipt& receipt) {
   return {{"capture", receipt.capture.id},
           {"kind", name_of(receipt.capture.kind)},
           {"pulses", receipt.capture.pulses},
+          {"pulses_wanted", receipt.capture.pulses_wanted},
+          {"pre_pulses", receipt.capture.pre_pulses},
+          {"end", name_of(receipt.capture.end)},
+          {"end_reason", receipt.capture.end_reason},
+          {"settings", receipt.capture.settings},
           {"sets", receipt.sets},
+          {"sets_not_stored", receipt.sets_not_stored},
           {"volumes", receipt.volumes},
           {"failed", receipt.failed},
           {"pending", receipt.pending},
@@ -89,6 +96,7 @@ Json json_of(const CaptureRow& row) {
           {"started", utc_text(row.capture.started_time_ns)},
           {"finished", utc_text(row.capture.finished_time_ns)},
           {"pulses", row.capture.pulses},
+          {"end", name_of(row.capture.end)},
           {"sets", row.sets},
           {"frames", row.frames},
           {"losses", row.losses}};
@@ -103,10 +111,19 @@ Json json_of(const CaptureState& state) {
          {"connected", camera.connected},
          {"frames", camera.frames},
          {"losses", camera.losses},
+         {"counters", camera.counters},
          {"newest_age_s", camera.newest_age_s < 0 ? Json(nullptr) : Json(camera.newest_age_s)}});
   }
-  return {{"phase", name_of(state.phase)},        {"capture", state.id}, {"kind", name_of(state.kind)},
-          {"pulses_wanted", state.pulses_wanted}, {"sets", state.sets},  {"sets_stored", state.sets_stored},
+  return {{"phase", name_of(state.phase)},
+          {"capture", state.id},
+          {"kind", name_of(state.kind)},
+          {"pulses_wanted", state.pulses_wanted},
+          {"sets", state.sets},
+          {"sets_stored", state.sets_stored},
+          {"pre_pulses", state.pre_pulses},
+          {"sets_held", state.sets_held},
+          {"previews_skipped", state.previews_skipped},
+          {"trouble", state.trouble},
           {"cameras", std::move(cameras)}};
 }
 

@@ -9,12 +9,13 @@
 
 namespace flamefield::testing_support {
 
-// One of our programs as a process; killed when the test is over.
+// One of our programs (or, by its absolute path, another one) as a process; killed when the test is over.
 class Process {
  public:
   Process(const std::string& program, const std::vector<std::string>& arguments,
           const std::filesystem::path& log);
   void signal(int number) const { child_.signal(number); }
+  int pid() const { return child_.pid(); }
   int wait() { return child_.wait(); }  // exit status; 128 + signal when killed
 
  private:

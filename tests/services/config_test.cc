@@ -6,6 +6,7 @@
 #include "services/config/lab_config.h"
 #include "services/config/recipe_file.h"
 #include "services/config/suggestion.h"
+#include "services/serve/lab_cameras.h"
 #include "services/store/file.h"
 #include "tests/support/scratch.h"
 
@@ -120,7 +121,18 @@ TEST(LabConfig, TheSampleSaysTheDefaults) {
   EXPECT_EQ(lab->data_directory.filename(), defaults.data_directory);
   EXPECT_TRUE(lab->cameras.empty());
   EXPECT_EQ(lab->trigger_rate_hz, defaults.trigger_rate_hz);
+  EXPECT_EQ(lab->trigger_source, defaults.trigger_source);
   EXPECT_EQ(lab->trigger_line, defaults.trigger_line);
+  EXPECT_EQ(lab->action_device_key, defaults.action_device_key);
+  EXPECT_EQ(lab->action_group_key, defaults.action_group_key);
+  EXPECT_EQ(lab->action_group_mask, defaults.action_group_mask);
+  EXPECT_EQ(lab->action_broadcast, defaults.action_broadcast);
+  EXPECT_EQ(lab->width_px, defaults.width_px);
+  EXPECT_EQ(lab->height_px, defaults.height_px);
+  EXPECT_EQ(lab->offset_x_px, defaults.offset_x_px);
+  EXPECT_EQ(lab->offset_y_px, defaults.offset_y_px);
+  EXPECT_EQ(lab->history_pulses, defaults.history_pulses);
+  EXPECT_EQ(lab->history_mib, defaults.history_mib);
   EXPECT_EQ(lab->exposure_us, defaults.exposure_us);
   EXPECT_EQ(lab->gain_db, defaults.gain_db);
   EXPECT_EQ(lab->pixel_format, defaults.pixel_format);
@@ -171,6 +183,30 @@ TEST(LabConfig, TakesTheEndpointsOfTheBus) {
   EXPECT_EQ(lab->dispatcher_endpoint, "tcp://10.0.0.1:7300");
   EXPECT_EQ(lab->events_endpoint, "tcp://10.0.0.1:7301");
   EXPECT_EQ(lab->acquisition_endpoint, "tcp://10.0.0.1:7302");
+}
+
+TEST(LabConfig, TakesRegionHistoryAndActionTrigger) {
+  const Scratch scratch;
+  overwrite(
+      scratch / "lab.toml",
+      "[trigger]\nsource = \"action\"\naction_group_mask = 6\naction_broadcast = \"10.0.0.255\"\n[capture]\n"
+      "width_px = 320\nheight_px = 240\noffset_x_px = 16\noffset_y_px = 8\nhistory_pulses = 9\n");
+  const auto lab = read_lab_config(scratch / "lab.toml");
+  ASSERT_TRUE(lab) << lab.error().message;
+  const AcquisitionOptions options = acquisition_of(*lab);
+  EXPECT_EQ(options.settings.trigger_source, "Action1");
+  ASSERT_TRUE(options.settings.action);
+  EXPECT_EQ(options.settings.action->group_mask, 6u);
+  EXPECT_EQ(options.settings.action->broadcast_address, "10.0.0.255");
+  EXPECT_EQ(options.action_rate_hz, 5);
+  ASSERT_TRUE(options.settings.region);
+  EXPECT_EQ(options.settings.region->width_px, 320);
+  EXPECT_EQ(options.settings.region->offset_y_px, 8);
+  EXPECT_EQ(options.history.pulses, 9);
+  EXPECT_EQ(bandwidth_needs_of(*lab).height_px, 240);
+  EXPECT_NE(lab_fault("[capture]\nwidth_px = 320\n").find("lab.toml:2: "), std::string::npos);
+  EXPECT_NE(lab_fault("[capture]\noffset_x_px = 3\n").find("lab.toml:2: "), std::string::npos);
+  EXPECT_NE(lab_fault("[trigger]\nsource = \"actoin\"\n").find("did you mean 'action'?"), std::string::npos);
 }
 
 TEST(LabConfig, NamesTheLineOfEveryFault) {

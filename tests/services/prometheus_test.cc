@@ -15,7 +15,8 @@ CaptureState some_state() {
   state.phase = CapturePhase::Armed;
   state.sets = 12;
   state.sets_stored = 11;
-  state.cameras.push_back({"cam00", "127.0.0.2", true, 12, {}, 0.1});
+  state.previews_skipped = 9;
+  state.cameras.push_back({"cam00", "127.0.0.2", true, 12, {}, 0.1, {{"count-slip", 1}, {"late", 3}}});
   state.cameras.push_back({"cam01", "127.0.0.3", false, 9, {{"missed", 1}, {"camera-lost", 2}}, -1});
   return state;
 }
@@ -23,6 +24,9 @@ CaptureState some_state() {
 TEST(Prometheus, NamesEveryLossOfEveryCamera) {
   const std::string text = prometheus_text(some_state(), std::nullopt);
   EXPECT_THAT(text, HasSubstr("flamefield_sets_stored_total 11\n"));
+  EXPECT_THAT(text, HasSubstr("flamefield_camera_events_total{camera=\"cam00\",event=\"late\"} 3\n"));
+  EXPECT_THAT(text, HasSubstr("flamefield_camera_events_total{camera=\"cam00\",event=\"count-slip\"} 1\n"));
+  EXPECT_THAT(text, HasSubstr("flamefield_previews_skipped_total 9\n"));
   EXPECT_THAT(text, HasSubstr("flamefield_camera_connected{camera=\"cam01\"} 0\n"));
   EXPECT_THAT(text, HasSubstr("flamefield_camera_losses_total{camera=\"cam01\",cause=\"camera-lost\"} 2\n"));
 }
