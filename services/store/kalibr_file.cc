@@ -1,5 +1,6 @@
 #include <cmath>
 #include <opencv2/core.hpp>
+#include <sstream>
 
 #include "proto/job.h"
 #include "services/store/file.h"
@@ -19,6 +20,18 @@ struct ChainProblem {
 // Errors come back as exceptions; without this the library also prints them.
 int be_silent(int, const char*, const char*, const char*, int, void*) {
   return 0;
+}
+
+// YAML lets "- " stand right below its key, and Kalibr does; OpenCV wants it further in.
+std::string with_indented_rows(const std::string& text) {
+  std::string out;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    const std::size_t begin = line.find_first_not_of(' ');
+    if (begin != std::string::npos && line.compare(begin, 2, "- ") == 0) out += "  ";
+    out += line + '\n';
+  }
+  return out;
 }
 
 std::vector<double> numbers(const cv::FileNode& node, std::size_t count, const std::string& where) {
@@ -104,8 +117,9 @@ Result<Rig> read_kalibr(const std::filesystem::path& path) {
   cv::redirectError(be_silent);
   const auto rig = [&]() -> Result<Rig> {
     try {
-      // OpenCV's reader wants its own first line.
-      const std::string with_header = text->starts_with("%YAML") ? *text : "%YAML:1.0\n---\n" + *text;
+      // OpenCV's reader wants its own first line, and the elements of a sequence further in than its key.
+      const std::string with_header =
+          (text->starts_with("%YAML") ? "" : "%YAML:1.0\n---\n") + with_indented_rows(*text);
       const cv::FileStorage file(
           with_header, cv::FileStorage::READ | cv::FileStorage::MEMORY | cv::FileStorage::FORMAT_YAML);
       return chain_from(file);

@@ -204,16 +204,16 @@ int run(const Options& o, const std::filesystem::path& folder) {
   Processing processing = processing_of(o, *laboratory, kFormat);
   processing.rig_id =
       must(person.dispatcher().ask_for<RigStored>(PutRig{laboratory->true_rig()}, 10s)).rig_id;
-  processing.dark_capture = must(person.capture(CaptureKind::Dark, 5, [](auto, auto) {}, {})).id;
+  processing.dark_capture = must(person.capture({CaptureKind::Dark, 5}, [](auto, auto) {}, {})).id;
   must(person.dispatcher().ask_for<Accepted>(LivePlan{true, processing}, 10s));
 
   // The maps and the projector are made at the first set: not a part of what is measured.
-  const auto first = must(person.capture(CaptureKind::Live, 3, [](auto, auto) {}, {}));
+  const auto first = must(person.capture({CaptureKind::Live, 3}, [](auto, auto) {}, {}));
   (void)wait_for_volumes(folder, first.id);
 
   Memory memory;
   const auto pulses = static_cast<std::int64_t>(o.seconds * o.rate_hz + 0.5);
-  const auto state = must(person.capture(CaptureKind::Live, pulses,
+  const auto state = must(person.capture({CaptureKind::Live, pulses},
                                          [&](std::int64_t done, std::int64_t total) {
                                            const double now_mib = rss_mib();
                                            if (done * 5 <= total) memory.early_mib = now_mib;

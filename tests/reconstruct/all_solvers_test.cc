@@ -110,6 +110,10 @@ TEST_P(EverySolver, StaysAtASolutionThatItStartsFrom) {
     if (key.ends_with("max_iterations")) value = std::int64_t{3};
   const auto warm = run(scene(), shorter, {.start = &solved->volume}), cold = run(scene(), shorter);
   ASSERT_TRUE(warm && cold);
+  if (solved->offspring > 0) {  // evolution goes on improving where it had found too little to gain
+    EXPECT_LE(warm->residual, 1.01 * solved->residual);
+    return;
+  }
   const double moved = relative_distance(warm->volume.values, solved->volume.values);
   EXPECT_LT(moved, 0.1);  // primal-dual solvers find their dual variables anew
   // A regularised solver may arrive within three iterations from anywhere, as its search for a weight solves

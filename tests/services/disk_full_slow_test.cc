@@ -17,7 +17,7 @@ using namespace std::chrono_literals;
 using ::testing::HasSubstr;
 
 constexpr const char* kMountAndServe =
-    "mount -t tmpfs -o size=28m tmpfs \"$1\" && head -c 10000000 /dev/zero > \"$1/ballast\" && shift && exec "
+    "mount -t tmpfs -o size=34m tmpfs \"$1\" && head -c 16000000 /dev/zero > \"$1/ballast\" && shift && exec "
     "\"$@\"";
 
 class FullDisk : public ::testing::Test {
