@@ -23,8 +23,8 @@ struct StandBy {};  // -> CaptureState; the array sees every pulse and keeps the
 // being captured. While the disk refuses, the answer comes early, in phase Draining.
 struct StopCapture {};
 struct GetCapture {};  // -> CaptureState
-struct GetPreview {    // -> SetData with the newest frame of one camera
-  std::string camera;
+struct GetPreview {    // -> SetData with the newest frame of one camera, or of each
+  std::string camera;  // empty: all; times, pulse and losses are then those of the newest set
 };
 
 enum class CapturePhase { Idle, Standby, Armed, Draining };

@@ -53,7 +53,7 @@ void write(const GetPreview& m, v1::GetPreview* wire) {
 }
 void read(const v1::GetPreview& wire, GetPreview& m, Check& check) {
   m.camera = wire.camera();
-  check.name(m.camera, "camera");
+  if (!m.camera.empty()) check.name(m.camera, "camera");
 }
 
 void write(const CaptureState& m, v1::CaptureState* wire) {

@@ -232,6 +232,7 @@ Message Acquisition::preview(const GetPreview& request) {
                                   "look again when fewer sets wait")
                           .value()};
     }
+    if (request.camera.empty() && previews_.has_any()) return SetData{previews_.newest_set()};
   }
   const auto frame = newest_frame(request.camera);
   if (!frame) {

@@ -16,6 +16,14 @@ void Previews::update(const FrameSet& set, std::int64_t waiting_sets) {
   }
   sets_since_ = 0;
   for (const Frame& frame : set.frames) newest_[frame.camera] = frame;
+  newest_set_ = set;
+  newest_set_.frames.clear();
+}
+
+FrameSet Previews::newest_set() const {
+  FrameSet set = newest_set_;
+  for (const auto& [camera, frame] : newest_) set.frames.push_back(frame);
+  return set;
 }
 
 const Frame* Previews::newest(const std::string& camera) const {

@@ -24,6 +24,8 @@ class Previews {
 
   void update(const FrameSet& set, std::int64_t waiting_sets);
   const Frame* newest(const std::string& camera) const;
+  bool has_any() const { return !newest_.empty(); }
+  FrameSet newest_set() const;  // with the newest frame of every camera, be it of an earlier set
   bool is_paused() const { return stride_ == 0; }
   std::int64_t skipped() const { return skipped_; }
   void count_from_zero() { skipped_ = 0; }
@@ -31,6 +33,7 @@ class Previews {
  private:
   const PreviewPolicy policy_;
   std::map<std::string, Frame> newest_;
+  FrameSet newest_set_;  // without its frames
   std::int64_t stride_ = 1;
   std::int64_t sets_since_ = 0;  // that were not shown
   std::int64_t skipped_ = 0;
