@@ -210,6 +210,12 @@ CREATE TABLE capture_counters(                     -- frames-in, delivered, late
   value INTEGER NOT NULL,
   PRIMARY KEY(capture, camera, name)
 ) STRICT, WITHOUT ROWID;
+)sql",
+    // The table of runs.
+    R"sql(
+-- All that a page of the table of runs shows, newest first: read without touching the records.
+CREATE INDEX runs_listed ON runs(finished_time_ns, id, capture, first_idx, inputs, solver, worker, rig_id, iterations,
+  residual, volume_bytes, started_time_ns);
 )sql"};
 
 }  // namespace
