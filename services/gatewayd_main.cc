@@ -1,12 +1,11 @@
 #include <CLI/CLI.hpp>
 
+#include "services/api/pages.h"
 #include "services/bus/keys.h"
-#include "services/gateway/gateway.h"
 #include "services/log/log.h"
 #include "services/process/daemon.h"
 #include "services/process/signals.h"
 #include "services/serve/endpoints.h"
-#include "services/serve/gateway_sources.h"
 
 namespace flamefield {
 namespace {
@@ -26,14 +25,16 @@ Result<> serve(const Arguments& arguments) {
   Bus bus(*keys);
   HttpServerOptions http;
   http.port = arguments.port;
-  auto gateway = Gateway::open(
-      http, gateway_sources(bus, "client",
-                            arguments.acquisition.empty() ? endpoints->acquisition : arguments.acquisition,
-                            arguments.dispatcher.empty() ? endpoints->dispatcher : arguments.dispatcher,
-                            arguments.data, arguments.report));
-  if (!gateway) return tl::unexpected(gateway.error());
-  log_event(LogLevel::Info, "gateway-started", {{"url", (*gateway)->url()}});
-  (*gateway)->run(stop.token());
+  auto pages = Pages::open(
+      bus, http,
+      {.role = "client",
+       .acquisition = arguments.acquisition.empty() ? endpoints->acquisition : arguments.acquisition,
+       .dispatcher = arguments.dispatcher.empty() ? endpoints->dispatcher : arguments.dispatcher,
+       .data_dir = arguments.data},
+      arguments.report);
+  if (!pages) return tl::unexpected(pages.error());
+  log_event(LogLevel::Info, "gateway-started", {{"url", (*pages)->url()}});
+  (*pages)->run(stop.token());
   return {};
 }
 

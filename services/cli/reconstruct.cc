@@ -12,7 +12,7 @@
 #include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
 #include "services/config/recipe_file.h"
-#include "services/serve/records_json.h"
+#include "services/api/records_json.h"
 #include "services/store/file.h"
 #include "services/store/projection_file.h"
 #include "services/store/rig_file.h"

@@ -4,10 +4,10 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "services/api/records_json.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 #include "services/ledger/reader.h"
-#include "services/serve/records_json.h"
 
 namespace flamefield {
 

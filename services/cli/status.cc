@@ -5,9 +5,9 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "services/api/records_json.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
-#include "services/serve/records_json.h"
 
 namespace flamefield {
 

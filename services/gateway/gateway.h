@@ -9,47 +9,47 @@
 #include <string_view>
 
 #include "proto/error.h"
+#include "services/gateway/guard.h"
 #include "services/gateway/http_server.h"
+#include "services/gateway/notice_board.h"
 
 namespace flamefield {
 
 // Where the pages' contents come from. Called from several threads at once; each may be left empty (404).
-// none: there is no such thing. The JSON that the live page reads is described in the README of this folder.
 struct GatewaySources {
-  std::function<std::string()> status_json;
-  std::function<std::string()> runs_json;
+  // What lies below /api/v1/; `path` is the rest, without a slash at its start. none: there is no such thing.
+  // Commands (POST, PUT, DELETE) have passed the guard when they come here.
+  std::function<std::optional<HttpResponse>(std::string_view path, const HttpRequest&)> api;
   std::function<std::string()> metrics_text;  // for Prometheus
-  std::function<std::optional<std::string>(std::string_view run)> run_json;
-  std::function<std::optional<std::string>(std::string_view capture)> receipt_json;
-  std::function<std::optional<std::string>(std::string_view camera)> preview_png;
-  std::function<std::optional<std::string>()> newest_volume_png;
-  std::filesystem::path volumes_folder;  // served below /volumes/
-  std::filesystem::path report_folder;   // served below /report/
+  std::filesystem::path volumes_folder;       // served below /volumes/
+  std::filesystem::path report_folder;        // served below /report/
 };
 
 // The answer to one request, without a socket.
-//   /  /metrics  /api/v1/status  /api/v1/runs  /api/v1/runs/ID  /api/v1/captures/ID/receipt
-//   /api/v1/preview/CAMERA.png  /api/v1/volume.png  /volumes/FILE  /report/FILE
-HttpResponse answer(const HttpRequest& request, const GatewaySources& sources);
+//   /  /assets/FILE  /metrics  /api/v1/openapi.json  /api/v1/live (WebSocket)  /api/v1/...
+//   /volumes/FILE  /report/FILE
+HttpResponse answer(const HttpRequest& request, const Guard& guard, const GatewaySources& sources);
 
-// The live page and its API.
+// The pages and their API.
 class Gateway {
  public:
-  // Unavailable: the port is in use (named).
-  static Result<std::unique_ptr<Gateway>> open(HttpServerOptions options, GatewaySources sources);
+  // Unavailable: the port is in use (named). `token` lets commands in; empty: nobody may command.
+  static Result<std::unique_ptr<Gateway>> open(HttpServerOptions options, const std::string& token,
+                                               GatewaySources sources);
 
   std::string url() const;  // "http://127.0.0.1:8080/"
   void run(std::stop_token stop) { server_->run(std::move(stop)); }
 
  private:
-  Gateway(std::string address, GatewaySources sources)
-      : address_(std::move(address)), sources_(std::move(sources)) {}
+  Gateway(std::string address, Guard guard, GatewaySources sources)
+      : address_(std::move(address)), guard_(std::move(guard)), sources_(std::move(sources)) {}
   std::string address_;
+  Guard guard_;
   GatewaySources sources_;
   std::unique_ptr<HttpServer> server_;
 };
 
-// services/gateway/web/index.html, put into the program by the build.
-extern const std::string_view kLivePage;
+// A JSON error; `message` may hold anything.
+HttpResponse json_error(int status, std::string_view message);
 
 }  // namespace flamefield

@@ -6,9 +6,14 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/asio/strand.hpp>
+#include <boost/asio/thread_pool.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
 #include <chrono>
+#include <mutex>
+#include <set>
+#include <sstream>
 #include <thread>
 #include <vector>
 
@@ -17,6 +22,7 @@ namespace {
 
 namespace beast = boost::beast;
 namespace http = beast::http;
+namespace websocket = beast::websocket;
 namespace net = boost::asio;
 using tcp = net::ip::tcp;
 
@@ -35,21 +41,159 @@ HttpResponse plain_error(int status, const std::string& message) {
           .headers = {}};
 }
 
+class Watcher;
+
 struct Shared {
   HttpServerOptions options;
   HttpHandler handler;
   std::atomic<int> connections = 0;
+  net::thread_pool answering{2};  // handlers may block; sockets must not wait for them
+
+  std::mutex mutex;
+  std::set<Watcher*> watchers;  // all alive: each leaves before it dies
+  void wake_watchers();
 };
+
+// Counts a connection while it lives, whichever protocol it speaks.
+class Place {
+ public:
+  explicit Place(Shared& shared) : shared_(&shared) { ++shared.connections; }
+  Place(Place&& other) noexcept : shared_(std::exchange(other.shared_, nullptr)) {}
+  Place& operator=(Place&&) = delete;
+  ~Place() {
+    if (shared_) --shared_->connections;
+  }
+
+ private:
+  Shared* shared_;
+};
+
+// One WebSocket. All its work is on one strand; at most one message is being written.
+class Watcher : public std::enable_shared_from_this<Watcher> {
+ public:
+  Watcher(beast::tcp_stream stream, Place place, Shared& shared)
+      : socket_(std::move(stream)),
+        place_(std::move(place)),
+        shared_(shared),
+        board_(*shared.options.board) {}
+  ~Watcher() {
+    const std::scoped_lock lock(shared_.mutex);
+    shared_.watchers.erase(this);
+    for (const auto& [topic, version] : sent_) board_.unwatch(topic);
+  }
+  Watcher(const Watcher&) = delete;
+  Watcher& operator=(const Watcher&) = delete;
+
+  void start(const http::request<http::string_body>& request) {
+    beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has time limits of its own
+    websocket::stream_base::timeout limits{after(shared_.options.timeout_s), after(shared_.options.timeout_s),
+                                           true};
+    socket_.set_option(limits);
+    socket_.read_message_max(kLongestRequest_bytes);
+    socket_.auto_fragment(false);
+    beast::error_code ignored;
+    beast::get_lowest_layer(socket_).socket().set_option(net::socket_base::send_buffer_size(1 << 18),
+                                                         ignored);
+    socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
+      if (error) return;
+      {
+        const std::scoped_lock lock(self->shared_.mutex);
+        self->shared_.watchers.insert(self.get());
+      }
+      self->read();
+    });
+  }
+
+  // From any thread, under the lock of `shared_`.
+  void wake() {
+    if (woken_.exchange(true)) return;
+    // The reference moves on: dropped here as the last one, it would want the lock that wake_watchers()
+    // holds.
+    if (auto self = weak_from_this().lock()) {
+      const auto executor = socket_.get_executor();
+      net::post(executor, [self = std::move(self)] {
+        self->woken_ = false;
+        self->send_next();
+      });
+    }
+  }
+
+ private:
+  static constexpr std::size_t kLongestRequest_bytes = 2048, kMostTopics = 16;
+  static constexpr int kMostOnTheWay = 2;
+
+  void read() {
+    socket_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
+      if (error) return;  // closed, silent for too long, or no WebSocket frame
+      self->obey(beast::buffers_to_string(self->buffer_.data()));
+      self->buffer_.consume(self->buffer_.size());
+      self->read();
+    });
+  }
+
+  void obey(const std::string& line) {
+    std::istringstream words(line);
+    std::string word;
+    words >> word;
+    if (word == "got") on_the_way_ = std::max(0, on_the_way_ - 1);
+    if (word == "want") {
+      std::map<std::string, std::uint64_t> wanted;
+      while (wanted.size() < kMostTopics && words >> word) {
+        const auto known = sent_.find(word);
+        wanted.emplace(word, known == sent_.end() ? 0 : known->second);
+      }
+      for (const auto& [topic, version] : wanted) board_.watch(topic);
+      for (const auto& [topic, version] : sent_) board_.unwatch(topic);
+      sent_ = std::move(wanted);
+    }
+    send_next();
+  }
+
+  // The wanted topic that has news and was served longest ago.
+  void send_next() {
+    if (writing_) return;
+    const std::string* chosen = nullptr;
+    NoticeBoard::Note note;
+    for (const auto& [topic, version] : sent_) {
+      const auto newest = board_.newest(topic);
+      if (!newest || newest->version <= version) continue;
+      if (newest->binary && on_the_way_ >= kMostOnTheWay) continue;
+      if (chosen && sent_.at(*chosen) <= version) continue;
+      chosen = &topic;
+      note = *newest;
+    }
+    if (!chosen) return;
+    sent_[*chosen] = note.version;
+    if (note.binary) ++on_the_way_;
+    writing_ = true;
+    socket_.binary(note.binary);
+    socket_.async_write(net::buffer(*note.bytes), [self = shared_from_this(), bytes = note.bytes](
+                                                      beast::error_code error, std::size_t) {
+      self->writing_ = false;
+      if (!error) self->send_next();
+    });
+  }
+
+  websocket::stream<beast::tcp_stream> socket_;
+  const Place place_;
+  Shared& shared_;
+  NoticeBoard& board_;
+  beast::flat_buffer buffer_;
+  std::map<std::string, std::uint64_t> sent_;  // wanted topics with the version sent last
+  int on_the_way_ = 0;                         // binary messages that the client has not dealt with
+  bool writing_ = false;
+  std::atomic<bool> woken_ = false;
+};
+
+void Shared::wake_watchers() {
+  const std::scoped_lock lock(mutex);
+  for (Watcher* watcher : watchers) watcher->wake();
+}
 
 // One connection: read a request, answer, again. All its work is on one strand.
 class Session : public std::enable_shared_from_this<Session> {
  public:
-  Session(tcp::socket socket, Shared& shared) : stream_(std::move(socket)), shared_(shared) {
-    ++shared_.connections;
-  }
-  ~Session() { --shared_.connections; }
-  Session(const Session&) = delete;
-  Session& operator=(const Session&) = delete;
+  Session(tcp::socket socket, Shared& shared) : stream_(std::move(socket)), place_(shared), shared_(shared) {}
 
   void start() {
     net::dispatch(stream_.get_executor(), [self = shared_from_this()] { self->read(); });
@@ -67,7 +211,7 @@ class Session : public std::enable_shared_from_this<Session> {
   }
 
   void on_read(beast::error_code error) {
-    if (!error) return answer(respond(), parser_->get().keep_alive());
+    if (!error) return respond();
     if (error == http::error::end_of_stream || error == beast::error::timeout) return close();
     if (error == http::error::header_limit) {
       return answer(plain_error(431, "request header too large (the limit is in the configuration)"), false);
@@ -81,19 +225,46 @@ class Session : public std::enable_shared_from_this<Session> {
     close();
   }
 
-  HttpResponse respond() {
+  // Hands the request to the handler in a thread that may wait, and comes back to the socket's strand.
+  void respond() {
+    stream_.expires_never();
+    net::post(shared_.answering, [self = shared_from_this()] {
+      auto response = std::make_shared<HttpResponse>(self->handled());
+      net::post(self->stream_.get_executor(), [self, response] {
+        if (response->status == 101) return self->upgrade();
+        self->answer(*response, self->parser_->get().keep_alive());
+      });
+    });
+  }
+
+  HttpResponse handled() {
     const auto& message = parser_->get();
     const std::string target(message.target());
     const std::size_t question = target.find('?');
     const auto path = percent_decoded(target.substr(0, question));
     if (!path || path->empty() || path->front() != '/') return plain_error(400, "bad path");
-    HttpRequest request{std::string(message.method_string()), *path,
-                        question == std::string::npos ? "" : target.substr(question + 1)};
+    HttpRequest request;
+    request.method = std::string(message.method_string());
+    request.path = *path;
+    if (question != std::string::npos) request.query = target.substr(question + 1);
+    for (const auto& field : message) {
+      std::string name(field.name_string());
+      for (char& c : name) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+      request.headers[name] = std::string(field.value());
+    }
+    request.body = message.body();
     try {
       return shared_.handler(request);
     } catch (const std::exception& e) {
       return plain_error(500, concat("the gateway failed: ", e.what()));
     }
+  }
+
+  void upgrade() {
+    if (!shared_.options.board || !websocket::is_upgrade(parser_->get())) {
+      return answer(plain_error(426, "this is a WebSocket"), false);
+    }
+    std::make_shared<Watcher>(std::move(stream_), std::move(place_), shared_)->start(parser_->get());
   }
 
   template <class Body>
@@ -149,13 +320,23 @@ class Session : public std::enable_shared_from_this<Session> {
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::string_body>> parser_;
+  Place place_;
   Shared& shared_;
 };
 
 }  // namespace
 
 struct HttpServer::Impl {
-  explicit Impl(HttpServerOptions o, HttpHandler h) : shared{std::move(o), std::move(h)} {}
+  explicit Impl(HttpServerOptions o, HttpHandler h) {
+    shared.options = std::move(o);
+    shared.handler = std::move(h);
+    if (shared.options.board) shared.options.board->on_post([this] { shared.wake_watchers(); });
+  }
+  ~Impl() {
+    if (shared.options.board) shared.options.board->on_post({});
+    shared.answering.stop();
+    shared.answering.join();
+  }
 
   void accept() {
     acceptor.async_accept(net::make_strand(context), [this](beast::error_code error, tcp::socket socket) {
@@ -214,6 +395,9 @@ void HttpServer::run(std::stop_token stop) {
   for (int i = 1; i < impl_->shared.options.threads; ++i)
     threads.emplace_back([this] { impl_->context.run(); });
   impl_->context.run();
+  threads.clear();
+  impl_->shared.answering.stop();
+  impl_->shared.answering.join();
 }
 
 std::optional<std::string> percent_decoded(const std::string& text) {

@@ -9,8 +9,10 @@
 #include <optional>
 #include <stop_token>
 #include <string>
+#include <string_view>
 
 #include "proto/error.h"
+#include "services/gateway/notice_board.h"
 
 namespace flamefield {
 
@@ -18,6 +20,13 @@ struct HttpRequest {
   std::string method;  // upper case
   std::string path;    // percent-decoded, without the query; begins with '/'
   std::string query;   // as sent, without '?'
+  std::map<std::string, std::string, std::less<>> headers;  // names in lower case
+  std::string body;
+
+  std::string header(std::string_view name) const {
+    const auto found = headers.find(name);
+    return found == headers.end() ? std::string() : found->second;
+  }
 };
 
 struct HttpResponse {
@@ -28,20 +37,27 @@ struct HttpResponse {
   std::map<std::string, std::string> headers;
 };
 
-// Called from several threads at once. What it throws becomes a 500.
+// Called from several threads at once, which it may block. What it throws becomes a 500. Status 101 lets a
+// WebSocket in.
 using HttpHandler = std::function<HttpResponse(const HttpRequest&)>;
 
 struct HttpServerOptions {
   std::string address = "127.0.0.1";  // a numeric address; 0.0.0.0: everybody may connect
   std::uint16_t port = 8080;          // 0: any free one
   int threads = 2;
-  int max_connections = 64;  // further ones are closed at once
+  int max_connections = 256;  // further ones are closed at once
   std::uint32_t max_header_bytes = 8192;
-  std::size_t max_body_bytes = 4096;
-  double timeout_s = 20;  // for a request to arrive, and for a client that reads nothing
+  std::size_t max_body_bytes = 65536;
+  double timeout_s = 20;         // for a request to arrive, and for a client that reads nothing
+  NoticeBoard* board = nullptr;  // what WebSockets watch; outlives the server. Null: nothing to watch
 };
 
-// HTTP/1.1 on asynchronous sockets: a slow client costs a connection, never a thread.
+// HTTP/1.1 and WebSockets on asynchronous sockets: a slow client costs a connection, never a thread.
+//
+// A WebSocket's client says in text messages what it wants, and when it has dealt with a binary message:
+//   "want TOPIC TOPIC ..."   replaces what it wanted before; the newest of each is sent at once
+//   "got"                    one more binary message may come; two may be on the way
+// It gets the newest message of each topic, in turn, as fast as it deals with them.
 class HttpServer {
  public:
   // Binds and listens. Unavailable: the port is taken (named) or the address is not ours.

@@ -8,10 +8,9 @@
 #include <optional>
 #include <thread>
 
+#include "services/api/pages.h"
 #include "services/dispatcher/dispatcher.h"
-#include "services/gateway/gateway.h"
 #include "services/log/log.h"
-#include "services/serve/gateway_sources.h"
 #include "services/worker/reconstruct_job.h"
 #include "services/worker/worker.h"
 
@@ -38,7 +37,7 @@ struct Embedded::Impl {
   std::unique_ptr<Dispatcher> dispatcher;
   std::unique_ptr<Acquisition> acquisition;
   std::vector<std::unique_ptr<Worker>> workers;
-  std::unique_ptr<Gateway> gateway;
+  std::unique_ptr<Pages> pages;
   std::string page_url;
 
   std::mutex mutex;
@@ -73,12 +72,15 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
     HttpServerOptions http;
     http.address = options.http_host;
     http.port = static_cast<std::uint16_t>(options.http_port);
-    auto gateway = Gateway::open(
-        http, gateway_sources(bus, "client", options.acquisition.endpoints.front(),
-                              options.dispatcher_endpoints.front(), options.data_dir, options.report));
-    if (!gateway) return tl::unexpected(gateway.error());
-    s.gateway = std::move(*gateway);
-    s.page_url = s.gateway->url();
+    auto pages = Pages::open(bus, http,
+                             {.role = "client",
+                              .acquisition = options.acquisition.endpoints.front(),
+                              .dispatcher = options.dispatcher_endpoints.front(),
+                              .data_dir = options.data_dir},
+                             options.report);
+    if (!pages) return tl::unexpected(pages.error());
+    s.pages = std::move(*pages);
+    s.page_url = s.pages->url();
   }
   if (!options.acquisition.cameras.empty()) {
     auto acquisition = Acquisition::open(bus, options.acquisition);
@@ -105,7 +107,12 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
       s.note("worker", w->run(stop));
     });
   }
-  if (s.gateway) s.gateway_thread = std::jthread([&s](std::stop_token stop) { s.gateway->run(stop); });
+  if (s.pages) {
+    s.gateway_thread = std::jthread([&s](std::stop_token stop) {
+      lower_priority();
+      s.pages->run(stop);
+    });
+  }
   return std::unique_ptr<Embedded>(new Embedded(std::move(impl)));
 }
 

@@ -1,4 +1,4 @@
-#include "services/serve/prometheus.h"
+#include "services/api/prometheus.h"
 
 #include <gmock/gmock.h>
 

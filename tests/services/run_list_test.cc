@@ -27,13 +27,16 @@ std::filesystem::path filled(const Scratch& scratch, int runs) {
                 "recipe_id, priority, state, "
                 "created_time_ns, record) SELECT i + 1, 'run-' || i, i, 'h', 'rig', '1', 'r', 0, 'done', 0, "
                 "x'' FROM n");
-  database.exec("WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < " +
-                std::to_string(runs - 1) +
-                ") INSERT INTO runs SELECT 'run-' || i, i + 1, i, 'h', 'rig', '1', 'burst-' || (i / 1000), i "
-                "% 1000, 1, "
-                "CASE WHEN i % 2 THEN 'sirt' ELSE 'mlem' END, 'worker', 'v', 1000 + i, 'f', 50, (i * 7919 % "
-                "1000) / 1000.0, "
-                "i * 1000, i * 1000 + 500, i * 1000 + 600, 0, 0, 0, 0, 0, zeroblob(600) FROM n");
+  database.exec(
+      "WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n WHERE i < " + std::to_string(runs - 1) +
+      ") INSERT INTO runs(id, job_id, inputs_hash, recipe_hash, rig_id, program_version, capture, first_idx, "
+      "inputs, solver, worker, volume_path, volume_bytes, volume_fingerprint, iterations, residual, "
+      "started_time_ns, finished_time_ns, committed_time_ns, queue_s, fetch_s, prepare_s, solve_s, write_s, "
+      "record) SELECT 'run-' || i, i + 1, i, 'h', 'rig', '1', 'burst-' || (i / 1000), i "
+      "% 1000, 1, "
+      "CASE WHEN i % 2 THEN 'sirt' ELSE 'mlem' END, 'worker', 'v', 1000 + i, 'f', 50, (i * 7919 % "
+      "1000) / 1000.0, "
+      "i * 1000, i * 1000 + 500, i * 1000 + 600, 0, 0, 0, 0, 0, zeroblob(600) FROM n");
   transaction.commit();
   return scratch.path();
 }

@@ -1,6 +1,8 @@
-#include "services/serve/records_json.h"
+#include "services/api/records_json.h"
 
 #include <nlohmann/json.hpp>
+
+#include "services/api/recipe_json.h"
 
 namespace flamefield {
 
@@ -10,14 +12,10 @@ Json json_of(const RunRow& row) {
   const Run& run = row.run;
   Json inputs = Json::array();
   for (const SetId& id : run.inputs) inputs.push_back({{"capture", id.capture}, {"index", id.index}});
-  Json settings = Json::object();
-  for (const auto& [key, value] : run.processing.recipe.settings) {
-    std::visit([&, k = key](const auto& v) { settings[k] = v; }, value);
-  }
   return {{"id", run.id},
           {"inputs", std::move(inputs)},
           {"solver", run.solver},
-          {"settings", std::move(settings)},
+          {"settings", settings_json_of(run.processing.recipe)},
           {"recipe", fingerprint(run.processing.recipe)},
           {"rig", run.processing.rig_id},
           {"program_version", run.program_version},
@@ -38,6 +36,13 @@ Json json_of(const RunRow& row) {
           {"prepare_s", run.timings.prepare_s},
           {"solve_s", run.timings.solve_s},
           {"write_s", run.timings.write_s},
+          {"dark", run.processing.dark_capture},
+          {"background", run.processing.background_capture},
+          {"flat", run.processing.flat_capture},
+          {"size", {run.processing.grid.nx, run.processing.grid.ny, run.processing.grid.nz}},
+          {"spacing_mm",
+           {run.processing.grid.spacing_mm.x(), run.processing.grid.spacing_mm.y(),
+            run.processing.grid.spacing_mm.z()}},
           {"started", utc_text(run.started_time_ns)},
           {"finished", utc_text(run.finished_time_ns)}};
 }

@@ -1,4 +1,4 @@
-#include "services/serve/prometheus.h"
+#include "services/api/prometheus.h"
 
 #include <string_view>
 

@@ -1,0 +1,78 @@
+// GET events, rigs/ID
+#include <nlohmann/json.hpp>
+
+#include "services/api/call.h"
+#include "services/api/records_json.h"
+
+namespace flamefield {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Json json_of(const Rig& rig, const std::string& id) {
+  Json cameras = Json::array();
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    const Camera& camera = rig.cameras[i];
+    const Eigen::Vector3d centre = camera.centre_mm();
+    const Eigen::Vector3d axis = camera.camera_from_world.inverse().rotation * Eigen::Vector3d::UnitZ();
+    Json json = {{"name", camera.name},
+                 {"width_px", camera.image_width_px},
+                 {"height_px", camera.image_height_px},
+                 {"fx_px", camera.fx_px},
+                 {"fy_px", camera.fy_px},
+                 {"centre_mm", {centre.x(), centre.y(), centre.z()}},
+                 {"axis", {axis.x(), axis.y(), axis.z()}}};
+    if (rig.quality && i < rig.quality->cameras.size()) {
+      const CameraQuality& quality = rig.quality->cameras[i];
+      json["images"] = quality.images;
+      json["corners"] = quality.corners;
+      json["rejected_corners"] = quality.rejected_corners;
+      json["rms_px"] = quality.rms_px;
+      json["position_sigma_mm"] = quality.position_sigma_mm;
+      json["rotation_sigma_rad"] = quality.rotation_sigma_rad;
+      json["focal_sigma_px"] = quality.focal_sigma_px;
+    }
+    cameras.push_back(std::move(json));
+  }
+  return {{"id", id},
+          {"rms_px", rig.quality ? Json(rig.quality->rms_px) : Json(nullptr)},
+          {"board_poses", rig.quality ? Json(rig.quality->board_poses) : Json(nullptr)},
+          {"cameras", std::move(cameras)}};
+}
+
+Result<Json> events_json(LedgerReader& ledger, std::int64_t limit) {
+  const auto events = ledger.events(limit);
+  if (!events) return tl::unexpected(events.error());
+  Json rows = Json::array();
+  for (const Event& event : *events)
+    rows.push_back({{"time", utc_text(event.time_ns)},
+                    {"kind", event.kind},
+                    {"subject", event.subject},
+                    {"text", event.text}});
+  return Json{{"events", std::move(rows)}};
+}
+
+}  // namespace
+
+std::optional<HttpResponse> answer_records(const Call& call) {
+  const auto& parts = call.parts;
+  const bool is_rig = parts.size() == 2 && parts[0] == "rigs",
+             is_events = parts.size() == 1 && parts[0] == "events";
+  if (call.request.method != "GET" || !(is_rig || is_events)) return std::nullopt;
+  const auto limit = call.number("limit", 100, 1, 1000);
+  if (!limit) return error_answer(limit.error());
+  auto ledger = call.services.ledger();
+  if (!ledger) {
+    if (is_events && ledger.error().code == ErrorCode::NotFound)
+      return json_answer({{"events", Json::array()}});
+    return error_answer(ledger.error());
+  }
+  if (is_events) {
+    const auto json = events_json(*ledger, *limit);
+    return json ? json_answer(*json) : error_answer(json.error());
+  }
+  const auto rig = ledger->rig(parts[1]);
+  return rig ? json_answer(json_of(*rig, parts[1])) : error_answer(rig.error());
+}
+
+}  // namespace flamefield
