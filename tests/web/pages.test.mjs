@@ -163,7 +163,7 @@ test("runs are reprocessed with other settings and the result is shown", { timeo
   await withPage("runs", async (page) => {
     await page.getByRole("checkbox", { name: /^tick/ }).first().check();
     await page.getByRole("button", { name: /Reprocess 1/ }).click();
-    await page.getByRole("dialog").getByLabel("Solver").selectOption("sirt");
+    await page.getByRole("dialog").getByRole("combobox", { name: /^Solver/ }).selectOption("sirt");
     const iterations = page.locator('[id="setting-sirt.max_iterations"]');
     await iterations.fill("-5");
     await page.getByText(/✗ must be/).first().waitFor();
@@ -251,7 +251,7 @@ for (const theme of ["dark", "light"]) {
     await withPage("runs", async (page) => {
       await page.getByRole("checkbox", { name: /^tick/ }).first().check();
       await page.getByRole("button", { name: /Reprocess 1/ }).click();
-      await page.getByRole("dialog").getByLabel("Solver").waitFor();
+      await page.getByRole("dialog").getByRole("combobox", { name: /^Solver/ }).waitFor();
       await accessible(page, `reprocess, ${theme}`);
       saveShot(`reprocess-${theme}-1366.png`, await page.screenshot());
     }, { colorScheme: theme });
