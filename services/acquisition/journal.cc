@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -94,7 +95,7 @@ void write_slot(int descriptor, std::uint64_t number, std::span<const std::byte>
   head.crc = checksum(head, message);
   std::vector<std::byte> slot(sizeof head + message.size());
   std::memcpy(slot.data(), &head, sizeof head);
-  std::memcpy(slot.data() + sizeof head, message.data(), message.size());
+  std::ranges::copy(message, slot.begin() + sizeof head);
   // What cannot be written is told by the other slot, one set older.
   (void)!::pwrite(descriptor, slot.data(), slot.size(), number % 2 == 0 ? 0 : off_t{kSlot_bytes});
 }
