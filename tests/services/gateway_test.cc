@@ -338,10 +338,15 @@ TEST_F(GatewayTest, WhoDoesNotKeepUpMissesMessagesAndGetsTheNewest) {
   const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(5);
   while (!board_.is_watched("volume") && std::chrono::steady_clock::now() < end) std::this_thread::yield();
   for (int i = 0; i < 1000; ++i) board_.post("volume", concat("volume ", i), true);
-  const std::string first = slow.hear(), second = slow.hear();  // two may be on the way
-  board_.post("volume", "the newest", true);
+  std::vector<std::string> heard = {slow.hear()};
+  while (heard.back() != "volume 999" && heard.size() < 1000) {
+    slow.say("got");
+    heard.push_back(slow.hear());
+  }
+  EXPECT_LE(heard.size(), 3u) << "two may be on the way when it says that it keeps up";
   slow.say("got");
-  EXPECT_EQ(slow.hear(), "the newest") << "after " << first << " and " << second;
+  board_.post("volume", "the newest", true);
+  EXPECT_EQ(slow.hear(), "the newest");
 }
 
 TEST_F(GatewayTest, NobodyMakesWhatNobodyWatches) {
