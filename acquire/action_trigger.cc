@@ -7,16 +7,10 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cmath>
 #include <cstring>
 
-#include "proto/check.h"
-#include "proto/utc.h"
-
 namespace flamefield {
-
-using Clock = std::chrono::steady_clock;
 
 namespace {
 
@@ -74,18 +68,13 @@ Result<std::unique_ptr<ActionTrigger>> ActionTrigger::open(const std::vector<std
     return unavailable("no socket for action commands", std::strerror(errno), "try again");
   const int on = 1;
   ::setsockopt(trigger->socket_, SOL_SOCKET, SO_BROADCAST, &on, sizeof on);
-  trigger->thread_ = std::thread([raw = trigger.get()] { raw->run(); });
   return trigger;
 }
 
+ActionTrigger::ActionTrigger() : metronome_([this](std::int64_t, std::int64_t due_ns) { fire(due_ns); }) {}
+
 ActionTrigger::~ActionTrigger() {
-  {
-    const std::lock_guard lock(mutex_);
-    quit_ = true;
-    ++train_;
-  }
-  changed_.notify_all();
-  if (thread_.joinable()) thread_.join();
+  metronome_.stop();
   if (socket_ >= 0) ::close(socket_);
 }
 
@@ -94,34 +83,13 @@ void ActionTrigger::schedule_with(std::optional<SharedClock> clock) {
   clock_ = clock;
 }
 
-void ActionTrigger::start(double rate_hz, std::int64_t pulses) {
-  expect(rate_hz > 0 && pulses >= 0, "a train has a positive rate and no negative length");
-  {
-    const std::lock_guard lock(mutex_);
-    ++train_;
-    is_running_ = true;
-    period_s_ = 1 / rate_hz;
-    pulses_ = pulses;
-  }
-  changed_.notify_all();
-}
-
-void ActionTrigger::stop() {
-  {
-    const std::lock_guard lock(mutex_);
-    ++train_;
-    is_running_ = false;
-  }
-  changed_.notify_all();
-}
-
 std::int64_t ActionTrigger::fired() const {
   const std::lock_guard lock(mutex_);
   return fired_;
 }
 
-// With the lock held; a datagram does not wait.
 void ActionTrigger::fire(std::int64_t due_utc_ns) {
+  const std::lock_guard lock(mutex_);  // a datagram does not wait
   std::optional<std::uint64_t> ticks;
   if (clock_) {
     const auto due_ns = static_cast<long double>(due_utc_ns + kAhead_ns + clock_->ahead_ns);
@@ -137,24 +105,6 @@ void ActionTrigger::fire(std::int64_t due_utc_ns) {
     ::sendto(socket_, packet.data(), packet.size(), 0, reinterpret_cast<const sockaddr*>(&to), sizeof to);
   }
   ++fired_;
-}
-
-void ActionTrigger::run() {
-  std::unique_lock lock(mutex_);
-  while (!quit_) {
-    changed_.wait(lock, [this] { return quit_ || is_running_; });
-    if (quit_) return;
-    const std::uint64_t train = train_;
-    const auto is_over = [&] { return train != train_; };
-    const Clock::time_point begin = Clock::now();
-    const std::int64_t begin_utc_ns = utc_now_ns();
-    for (std::int64_t index = 0; pulses_ == 0 || index < pulses_; ++index) {
-      const std::chrono::duration<double> due(period_s_ * static_cast<double>(index));
-      if (changed_.wait_until(lock, begin + std::chrono::duration_cast<Clock::duration>(due), is_over)) break;
-      fire(begin_utc_ns + std::chrono::duration_cast<std::chrono::nanoseconds>(due).count());
-    }
-    if (!is_over()) is_running_ = false;
-  }
 }
 
 }  // namespace flamefield

@@ -1,14 +1,13 @@
 #pragma once
 
-#include <condition_variable>
 #include <cstdint>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "acquire/metronome.h"
 #include "acquire/settings.h"
 #include "proto/error.h"
 
@@ -42,14 +41,13 @@ class ActionTrigger {
 
   // From the next train on; none: cameras fire when they hear of it.
   void schedule_with(std::optional<SharedClock> clock);
-  // A train of pulses at rate_hz > 0, the first one now; pulses = 0: until stop(). Replaces a running train.
-  void start(double rate_hz, std::int64_t pulses);
-  void stop();
+  // As Metronome.
+  void start(double rate_hz, std::int64_t pulses) { metronome_.start(rate_hz, pulses); }
+  void stop() { metronome_.stop(); }
   std::int64_t fired() const;
 
  private:
-  ActionTrigger() = default;
-  void run();
+  ActionTrigger();
   void fire(std::int64_t due_utc_ns);
 
   ActionKeys keys_;
@@ -57,16 +55,11 @@ class ActionTrigger {
   int socket_ = -1;
 
   mutable std::mutex mutex_;  // what follows
-  std::condition_variable changed_;
   std::optional<SharedClock> clock_;
-  std::uint64_t train_ = 0;  // counts start() and stop()
-  bool is_running_ = false;
-  bool quit_ = false;
-  double period_s_ = 0;
-  std::int64_t pulses_ = 0;
   std::int64_t fired_ = 0;
   std::uint16_t request_id_ = 0;
-  std::thread thread_;
+
+  Metronome metronome_;  // the last: its thread uses the others
 };
 
 }  // namespace flamefield
