@@ -2,36 +2,17 @@
 
 #include <algorithm>
 
-#include "services/ledger/database.h"
-#include "services/ledger/ledger.h"
-#include "services/ledger/schema.h"
+#include "services/ledger/read_only.h"
 
 namespace flamefield {
 
-struct LedgerReader::Impl {
-  explicit Impl(const std::string& file) : database(file, SQLite::OPEN_READONLY, 5000), sql(database) {}
-  SQLite::Database database;
-  Statements sql;
-};
-
-LedgerReader::LedgerReader(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+LedgerReader::LedgerReader(std::unique_ptr<ReadOnlyLedger> ledger) : ledger_(std::move(ledger)) {}
 LedgerReader::LedgerReader(LedgerReader&&) noexcept = default;
 LedgerReader::~LedgerReader() = default;
 
 Result<LedgerReader> LedgerReader::open(const std::filesystem::path& directory) {
-  const std::string file = ledger_path(directory).string();
-  if (!std::filesystem::exists(file))
-    return not_found(concat("ledger ", file), "no such file",
-                     "has anything been captured in this directory?");
-  try {
-    auto impl = std::make_unique<Impl>(file);
-    if (impl->database.execAndGet("PRAGMA user_version").getInt() != newest_schema_version())
-      return invalid_input(concat("ledger ", file), "it is of another version than this program",
-                           "start the dispatcher once to migrate it");
-    return LedgerReader(std::move(impl));
-  } catch (const SQLite::Exception& exception) {
-    return tl::unexpected(error_of(exception, file));
-  }
+  return open_read_only(directory).map(
+      [](std::unique_ptr<ReadOnlyLedger> ledger) { return LedgerReader(std::move(ledger)); });
 }
 
 namespace {
@@ -69,13 +50,13 @@ tl::unexpected<Error> unknown(std::string_view what, const std::string& id) {
 }  // namespace
 
 Result<std::vector<CaptureRow>> LedgerReader::captures() {
-  return guarded(impl_->database, [&]() -> Result<std::vector<CaptureRow>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<CaptureRow>> {
     std::vector<CaptureRow> rows;
     static const std::string kQuestion =
         concat("SELECT ", kCaptureColumns,
                ", count(s.id), coalesce(sum(s.frames), 0), coalesce(sum(s.losses), 0) FROM captures c "
                "LEFT JOIN sets s ON s.capture = c.id GROUP BY c.id ORDER BY started_time_ns, c.id");
-    auto& row = impl_->sql(kQuestion.c_str());
+    auto& row = ledger_->sql(kQuestion.c_str());
     while (row.executeStep())
       rows.push_back({capture_of(row), row.getColumn(11).getInt64(), row.getColumn(12).getInt64(),
                       row.getColumn(13).getInt64()});
@@ -85,9 +66,9 @@ Result<std::vector<CaptureRow>> LedgerReader::captures() {
 }
 
 Result<std::vector<SetRow>> LedgerReader::sets(const std::string& capture) {
-  return guarded(impl_->database, [&]() -> Result<std::vector<SetRow>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<SetRow>> {
     std::vector<SetRow> rows;
-    auto& row = impl_->sql(
+    auto& row = ledger_->sql(
         "SELECT idx, pulse, pulse_time_ns, complete_time_ns, stored_time_ns, frames, losses FROM sets "
         "WHERE capture = ?1 ORDER BY idx",
         capture);
@@ -123,7 +104,7 @@ Result<std::vector<RunRow>> read_runs(SQLite::Statement& row, Statements& sql) {
 }  // namespace
 
 Result<std::vector<RunRow>> LedgerReader::runs(const RunFilter& filter) {
-  return guarded(impl_->database, [&]() -> Result<std::vector<RunRow>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<RunRow>> {
     // Conditions that do not hold for this filter are left out, so that SQLite sees which index serves best.
     std::string where = "finished_time_ns >= ?4";
     if (!filter.capture.empty()) where += " AND capture = ?1";
@@ -133,16 +114,16 @@ Result<std::vector<RunRow>> LedgerReader::runs(const RunFilter& filter) {
     const std::string text =
         "SELECT record, committed_time_ns FROM runs WHERE rowid IN (SELECT rowid FROM runs WHERE " + where +
         " ORDER BY committed_time_ns DESC LIMIT ?6) ORDER BY capture, first_idx, inputs, committed_time_ns";
-    auto& row = impl_->sql(text.c_str(), filter.capture, filter.rig_id, filter.solver, filter.since_ns,
-                           filter.inputs, filter.limit);
-    return read_runs(row, impl_->sql);
+    auto& row = ledger_->sql(text.c_str(), filter.capture, filter.rig_id, filter.solver, filter.since_ns,
+                             filter.inputs, filter.limit);
+    return read_runs(row, ledger_->sql);
   });
 }
 
 Result<RunRow> LedgerReader::run(const std::string& run_id) {
-  return guarded(impl_->database, [&]() -> Result<RunRow> {
-    auto rows =
-        read_runs(impl_->sql("SELECT record, committed_time_ns FROM runs WHERE id = ?1", run_id), impl_->sql);
+  return guarded(ledger_->database, [&]() -> Result<RunRow> {
+    auto rows = read_runs(ledger_->sql("SELECT record, committed_time_ns FROM runs WHERE id = ?1", run_id),
+                          ledger_->sql);
     if (!rows) return tl::unexpected(rows.error());
     if (rows->empty()) return unknown("run", run_id);
     return std::move(rows->front());
@@ -150,9 +131,9 @@ Result<RunRow> LedgerReader::run(const std::string& run_id) {
 }
 
 Result<std::vector<JobRow>> LedgerReader::jobs(std::optional<JobState> state) {
-  return guarded(impl_->database, [&]() -> Result<std::vector<JobRow>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<JobRow>> {
     std::vector<JobRow> rows;
-    auto& row = impl_->sql(
+    auto& row = ledger_->sql(
         "SELECT id, run_id, state, attempt, worker, reason FROM jobs WHERE ?1 IS NULL OR state = ?1 ORDER BY "
         "id",
         state ? std::optional(name_of(*state)) : std::nullopt);
@@ -166,8 +147,8 @@ Result<std::vector<JobRow>> LedgerReader::jobs(std::optional<JobState> state) {
 }
 
 Result<Rig> LedgerReader::rig(const std::string& rig_id) {
-  return guarded(impl_->database, [&]() -> Result<Rig> {
-    auto& row = impl_->sql("SELECT record FROM rigs WHERE id = ?1", rig_id);
+  return guarded(ledger_->database, [&]() -> Result<Rig> {
+    auto& row = ledger_->sql("SELECT record FROM rigs WHERE id = ?1", rig_id);
     if (!row.executeStep()) return unknown("rig", rig_id);
     auto record = record_of<PutRig>(row.getColumn(0));
     row.reset();
@@ -177,10 +158,10 @@ Result<Rig> LedgerReader::rig(const std::string& rig_id) {
 }
 
 Result<std::vector<Event>> LedgerReader::events(std::int64_t limit) {
-  return guarded(impl_->database, [&]() -> Result<std::vector<Event>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<Event>> {
     std::vector<Event> events;
     auto& row =
-        impl_->sql("SELECT time_ns, kind, subject, text FROM events ORDER BY id DESC LIMIT ?1", limit);
+        ledger_->sql("SELECT time_ns, kind, subject, text FROM events ORDER BY id DESC LIMIT ?1", limit);
     while (row.executeStep())
       events.push_back({row.getColumn(0).getInt64(), row.getColumn(1).getString(),
                         row.getColumn(2).getString(), row.getColumn(3).getString()});
@@ -271,18 +252,18 @@ void read_sets(Receipt& receipt, Statements& sql) {
 }  // namespace
 
 Result<Receipt> LedgerReader::receipt(const std::string& capture) {
-  return guarded(impl_->database, [&]() -> Result<Receipt> {
-    SQLite::Transaction snapshot(impl_->database);  // all counts from one moment
+  return guarded(ledger_->database, [&]() -> Result<Receipt> {
+    SQLite::Transaction snapshot(ledger_->database);  // all counts from one moment
     Receipt receipt;
     static const std::string kQuestion =
         concat("SELECT ", kCaptureColumns, " FROM captures c WHERE c.id = ?1");
-    auto& row = impl_->sql(kQuestion.c_str(), capture);
+    auto& row = ledger_->sql(kQuestion.c_str(), capture);
     if (!row.executeStep()) return unknown("capture", capture);
     receipt.capture = capture_of(row);
     row.reset();
-    read_sets(receipt, impl_->sql);
-    read_cameras(receipt, impl_->sql);
-    auto& failed = impl_->sql(
+    read_sets(receipt, ledger_->sql);
+    read_cameras(receipt, ledger_->sql);
+    auto& failed = ledger_->sql(
         "SELECT DISTINCT run_id, reason FROM jobs j JOIN job_inputs i ON i.job_id = j.id JOIN sets s ON s.id "
         "= "
         "i.set_id WHERE s.capture = ?1 AND j.state = 'failed' ORDER BY j.id",
@@ -290,7 +271,7 @@ Result<Receipt> LedgerReader::receipt(const std::string& capture) {
     while (failed.executeStep())
       receipt.failures.push_back({failed.getColumn(0).getString(), failed.getColumn(1).getString()});
     failed.reset();
-    auto& combined = impl_->sql("SELECT count(*) FROM runs WHERE capture = ?1 AND inputs > 1", capture);
+    auto& combined = ledger_->sql("SELECT count(*) FROM runs WHERE capture = ?1 AND inputs > 1", capture);
     if (combined.executeStep()) receipt.combined_volumes = combined.getColumn(0).getInt64();
     combined.reset();
     return receipt;

@@ -13,6 +13,8 @@
 
 namespace flamefield {
 
+struct ReadOnlyLedger;
+
 struct CaptureRow {
   PutCapture capture;
   std::int64_t sets = 0;    // stored
@@ -94,9 +96,8 @@ class LedgerReader {
   Result<std::vector<Event>> events(std::int64_t limit = 100);  // newest first
 
  private:
-  struct Impl;
-  explicit LedgerReader(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  explicit LedgerReader(std::unique_ptr<ReadOnlyLedger> ledger);
+  std::unique_ptr<ReadOnlyLedger> ledger_;
 };
 
 }  // namespace flamefield

@@ -1,35 +1,16 @@
 #include "services/ledger/run_list.h"
 
-#include "services/ledger/database.h"
-#include "services/ledger/ledger.h"
-#include "services/ledger/schema.h"
+#include "services/ledger/read_only.h"
 
 namespace flamefield {
 
-struct RunList::Impl {
-  explicit Impl(const std::string& file) : database(file, SQLite::OPEN_READONLY, 5000), sql(database) {}
-  SQLite::Database database;
-  Statements sql;
-};
-
-RunList::RunList(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+RunList::RunList(std::unique_ptr<ReadOnlyLedger> ledger) : ledger_(std::move(ledger)) {}
 RunList::RunList(RunList&&) noexcept = default;
 RunList::~RunList() = default;
 
 Result<RunList> RunList::open(const std::filesystem::path& directory) {
-  const std::string file = ledger_path(directory).string();
-  if (!std::filesystem::exists(file))
-    return not_found(concat("ledger ", file), "no such file",
-                     "has anything been captured in this directory?");
-  try {
-    auto impl = std::make_unique<Impl>(file);
-    if (impl->database.execAndGet("PRAGMA user_version").getInt() != newest_schema_version())
-      return invalid_input(concat("ledger ", file), "it is of another version than this program",
-                           "start the dispatcher once to migrate it");
-    return RunList(std::move(impl));
-  } catch (const SQLite::Exception& exception) {
-    return tl::unexpected(error_of(exception, file));
-  }
+  return open_read_only(directory).map(
+      [](std::unique_ptr<ReadOnlyLedger> ledger) { return RunList(std::move(ledger)); });
 }
 
 namespace {
@@ -62,18 +43,18 @@ std::string order_by(const RunQuery& query) {
 }  // namespace
 
 Result<RunPage> RunList::page(const RunQuery& q) {
-  return guarded(impl_->database, [&]() -> Result<RunPage> {
-    SQLite::Transaction snapshot(impl_->database);  // the total and the lines of one moment
+  return guarded(ledger_->database, [&]() -> Result<RunPage> {
+    SQLite::Transaction snapshot(ledger_->database);  // the total and the lines of one moment
     RunPage page;
     const std::string counted = concat("SELECT count(*)", kConditions);
-    auto& count = impl_->sql(counted.c_str(), q.search, q.capture, q.solver, q.rig_id);
+    auto& count = ledger_->sql(counted.c_str(), q.search, q.capture, q.solver, q.rig_id);
     if (count.executeStep()) page.total = count.getColumn(0).getInt64();
     count.reset();
     const std::string listed = concat(
         "SELECT id, capture, first_idx, inputs, solver, worker, rig_id, iterations, residual, volume_bytes, "
         "started_time_ns, finished_time_ns",
         kConditions, order_by(q), " LIMIT ?5 OFFSET ?6");
-    auto& row = impl_->sql(listed.c_str(), q.search, q.capture, q.solver, q.rig_id, q.limit, q.offset);
+    auto& row = ledger_->sql(listed.c_str(), q.search, q.capture, q.solver, q.rig_id, q.limit, q.offset);
     while (row.executeStep()) {
       RunLine line;
       line.id = row.getColumn(0).getString();
@@ -96,9 +77,9 @@ Result<RunPage> RunList::page(const RunQuery& q) {
 }
 
 Result<std::vector<std::string>> RunList::solvers() {
-  return guarded(impl_->database, [&]() -> Result<std::vector<std::string>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<std::string>> {
     std::vector<std::string> names;
-    auto& row = impl_->sql("SELECT DISTINCT solver FROM recipes ORDER BY solver");
+    auto& row = ledger_->sql("SELECT DISTINCT solver FROM recipes ORDER BY solver");
     while (row.executeStep()) names.push_back(row.getColumn(0).getString());
     row.reset();
     return names;
@@ -106,10 +87,10 @@ Result<std::vector<std::string>> RunList::solvers() {
 }
 
 Result<JobPage> RunList::jobs(std::int64_t first, std::int64_t last, std::int64_t limit) {
-  return guarded(impl_->database, [&]() -> Result<JobPage> {
-    SQLite::Transaction snapshot(impl_->database);
+  return guarded(ledger_->database, [&]() -> Result<JobPage> {
+    SQLite::Transaction snapshot(ledger_->database);
     JobPage page;
-    auto& counted = impl_->sql(
+    auto& counted = ledger_->sql(
         "SELECT coalesce(sum(state = 'queued'), 0), coalesce(sum(state = 'leased'), 0), "
         "coalesce(sum(state = 'done'), 0), coalesce(sum(state = 'failed'), 0) FROM jobs WHERE id BETWEEN ?1 "
         "AND ?2",
@@ -121,7 +102,7 @@ Result<JobPage> RunList::jobs(std::int64_t first, std::int64_t last, std::int64_
       page.failed = counted.getColumn(3).getInt64();
     }
     counted.reset();
-    auto& row = impl_->sql(
+    auto& row = ledger_->sql(
         "SELECT id, run_id, state, attempt, worker, reason FROM jobs WHERE id BETWEEN ?1 AND ?2 "
         "ORDER BY id DESC LIMIT ?3",
         first, last, limit);
@@ -135,8 +116,9 @@ Result<JobPage> RunList::jobs(std::int64_t first, std::int64_t last, std::int64_
 }
 
 Result<std::int64_t> RunList::pulse_time_ns(const std::string& capture, std::int64_t index) {
-  return guarded(impl_->database, [&]() -> Result<std::int64_t> {
-    auto& row = impl_->sql("SELECT pulse_time_ns FROM sets WHERE capture = ?1 AND idx = ?2", capture, index);
+  return guarded(ledger_->database, [&]() -> Result<std::int64_t> {
+    auto& row =
+        ledger_->sql("SELECT pulse_time_ns FROM sets WHERE capture = ?1 AND idx = ?2", capture, index);
     const std::int64_t time_ns = row.executeStep() ? row.getColumn(0).getInt64() : 0;
     row.reset();
     return time_ns;

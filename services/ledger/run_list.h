@@ -10,6 +10,8 @@
 
 namespace flamefield {
 
+struct ReadOnlyLedger;
+
 // What a table of runs shows of one, without its whole record.
 struct RunLine {
   std::string id, capture, solver, worker, rig_id;
@@ -63,9 +65,8 @@ class RunList {
   Result<std::int64_t> pulse_time_ns(const std::string& capture, std::int64_t index);
 
  private:
-  struct Impl;
-  explicit RunList(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  explicit RunList(std::unique_ptr<ReadOnlyLedger> ledger);
+  std::unique_ptr<ReadOnlyLedger> ledger_;
 };
 
 }  // namespace flamefield
