@@ -25,6 +25,10 @@ Cost summary_of(const std::deque<Cost>& costs) {
 
 }  // namespace
 
+double work_of(const Grid& grid, std::size_t views) {
+  return static_cast<double>(grid.nx) * grid.ny * grid.nz * static_cast<double>(views);
+}
+
 void CostModel::observe(const RunShape& shape, const Cost& cost) {
   std::deque<Cost>& costs = by_setup_[shape.setup];
   costs.push_back(cost);

@@ -4,6 +4,8 @@
 #include <map>
 #include <string>
 
+#include "proto/volume.h"
+
 namespace flamefield {
 
 // What a run takes. 0: unknown.
@@ -18,6 +20,8 @@ struct RunShape {
   std::string solver;
   double work = 0;  // voxels x views
 };
+
+double work_of(const Grid& grid, std::size_t views);
 
 // Foretells what a run will take from what others took. The same setup: the median of the last times, the
 // most memory. Another setup of the same solver: the run next in size; time grows with the work, memory at

@@ -70,11 +70,8 @@ Result<Message> Dispatcher::Impl::on(Finish& m, const Sender&) {
   roster.end(m.token);
   const RunTimings& t = m.run.timings;
   const Cost cost{t.fetch_s + t.prepare_s + t.solve_s + t.write_s, m.run.peak_rss_mib};
-  const Grid& grid = m.run.processing.grid;
-  const double views = static_cast<double>(m.run.residual_per_view.size());
-  costs.observe(
-      {setup_of(m.run.processing), m.run.solver, static_cast<double>(grid.nx) * grid.ny * grid.nz * views},
-      cost);
+  const double work = work_of(m.run.processing.grid, m.run.residual_per_view.size());
+  costs.observe({setup_of(m.run.processing), m.run.solver, work}, cost);
   if (m.run.estimated_mib > 0 && cost.peak_mib > 1.5 * m.run.estimated_mib)
     ++counters["memory_underestimated"];
   if (m.run.estimated_s > 0 && cost.wall_s > 3 * m.run.estimated_s) ++counters["time_underestimated"];
@@ -153,9 +150,7 @@ Result<> Dispatcher::Impl::assign_work() {
     if (!lease) return tl::unexpected(lease.error());
     if (!*lease) continue;
     Job& given = (*lease)->job;
-    const Grid& grid = given.processing.grid;
-    const double work =
-        static_cast<double>(grid.nx) * grid.ny * grid.nz * static_cast<double>((*lease)->rig.cameras.size());
+    const double work = work_of(given.processing.grid, (*lease)->rig.cameras.size());
     const Cost cost = costs.estimate({setup_of(given.processing), given.processing.recipe.solver, work});
     given.estimated_s = cost.wall_s;
     given.estimated_mib = cost.peak_mib;

@@ -3,6 +3,7 @@
 #include <set>
 
 #include "proto/version.h"
+#include "services/dispatcher/cost_model.h"
 
 namespace flamefield {
 
@@ -70,9 +71,7 @@ Result<PlacedOrder> place_order(Ledger& ledger, const Submit& submit, std::int64
   job.created_time_ns = now_ns;
   job.submitter = submit.submitter;
   job.submission = *submission;
-  const Grid& grid = job.processing.grid;
-  const double work =
-      static_cast<double>(grid.nx) * grid.ny * grid.nz * static_cast<double>(rig->cameras.size());
+  const double work = work_of(job.processing.grid, rig->cameras.size());
   PlacedOrder order;
   order.answer.submission = *submission;
   if (submit.combine == Combine::Mean) {
