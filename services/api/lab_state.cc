@@ -33,8 +33,11 @@ void judge_array(const CaptureState& array, std::vector<Alarm>& alarms) {
   if (!losing.empty())
     alarms.push_back({true, "frames-lost", "Frames of this capture lost by " + joined(losing)});
   const std::int64_t unsaved = array.sets - array.sets_stored;
-  if (unsaved > 20)
+  if (!array.trouble.empty()) {
+    alarms.push_back({true, "storing-trouble", array.trouble});
+  } else if (unsaved > 20) {
     alarms.push_back({true, "storing-slow", concat(unsaved, " frame sets wait to be written to disk")});
+  }
 }
 
 void judge_dispatcher(const Status& status, std::vector<Alarm>& alarms) {
