@@ -1,5 +1,6 @@
 #include "services/simulation/laboratory.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "acquire/simulator/true_rig.h"
@@ -89,7 +90,8 @@ CaptureHooks Laboratory::hooks() {
           .armed =
               [this](CaptureKind kind, std::int64_t pulses) {
                 const bool is_board = kind == CaptureKind::Board;
-                array_->generator().start(is_board ? options_.board_rate_hz : options_.rate_hz, pulses);
+                array_->generator().start(
+                    is_board ? std::min(options_.board_rate_hz, options_.rate_hz) : options_.rate_hz, pulses);
               },
           .finished = [this] { array_->generator().stop(); }};
 }

@@ -19,7 +19,7 @@ struct LaboratoryOptions {
   int cameras = 15;
   int board_poses = 24;
   double rate_hz = 5;                       // of the signal generator
-  double board_rate_hz = 4;                 // slower while someone turns the board
+  double board_rate_hz = 4;                 // at most, while someone turns the board
   std::string first_address = "127.0.0.2";  // of the cameras; the others follow
   double link_mbit_per_s = 0;               // of each camera's network port; 0: as fast as it goes
   bool answers_broadcasts = false;          // discovery by other programs; one array a machine can
