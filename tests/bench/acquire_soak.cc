@@ -1,13 +1,12 @@
 // A long capture with scripted faults, checked against the truth in the pixels. The cameras are simulated in
-// a process of their own, so that what this one uses is what receiving costs. usage: soak_acquire [--seconds
-// 60] [--cameras 15] [--rate-hz 5] [--loss 0.005] [--faults-of-each 20]
-//                     [--packet-size 1500] [--format Mono8] [--first-address 127.98.0.2]
+// a process of their own, so that what this one uses is what receiving costs. Options: soak_acquire --help.
 // Exit code 0: no picture in a wrong set, no loss that no fault explains, and at least 99.99 % of the sets
 // without a scripted fault are complete.
 #include <sys/mman.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <array>
@@ -341,36 +340,25 @@ int receive(const Options& options, Shared& shared) {
   return judge.report(report, used_s, wall_s, first_rss_mib, most_rss_mib) ? 0 : 1;
 }
 
-Options parse(int argc, char** argv) {
-  Options options;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string name = argv[i], value = argv[i + 1];
-    if (name == "--seconds")
-      options.seconds = std::stod(value);
-    else if (name == "--cameras")
-      options.cameras = std::stoul(value);
-    else if (name == "--rate-hz")
-      options.rate_hz = std::stod(value);
-    else if (name == "--loss")
-      options.loss = std::stod(value);
-    else if (name == "--faults-of-each")
-      options.faults_of_each = std::stoi(value);
-    else if (name == "--packet-size")
-      options.packet_size = std::stoi(value);
-    else if (name == "--format")
-      options.format = value;
-    else if (name == "--first-address")
-      options.first_address = value;
-    else
-      std::exit((std::fprintf(stderr, "unknown option %s\n", argv[i]), 2));
-  }
-  return options;
+void add_options(CLI::App& app, Options& o) {
+  app.option_defaults()->always_capture_default()->take_last();
+  app.add_option("--seconds", o.seconds, "length of the capture");
+  app.add_option("--cameras", o.cameras, "simulated cameras");
+  app.add_option("--rate-hz", o.rate_hz, "pulses per second");
+  app.add_option("--loss", o.loss, "share of packets lost");
+  app.add_option("--faults-of-each", o.faults_of_each, "scripted faults of every kind");
+  app.add_option("--packet-size", o.packet_size, "bytes");
+  app.add_option("--format", o.format, "pixel format");
+  app.add_option("--first-address", o.first_address, "of the simulated cameras");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  const Options options = parse(argc, argv);
+  CLI::App app("A long simulated capture with scripted faults");
+  Options options;
+  add_options(app, options);
+  CLI11_PARSE(app, argc, argv);
   void* memory = ::mmap(nullptr, sizeof(Shared), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
   if (memory == MAP_FAILED || options.pulses() + 64 > (1 << 17)) return 2;
   auto* shared = new (memory) Shared;

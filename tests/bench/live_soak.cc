@@ -1,11 +1,10 @@
 // Live reconstruction for a long time: simulated cameras, spool, ledger, worker, all in one process, every
-// set reconstructed as it comes, each from the volume before. usage: soak_live [--seconds 60] [--rate-hz 5]
-//     [--cameras 15] [--workers 1] [--threads 2] [--iterations 40] [--solver hessian] [--limit-ms 500]
-//     [--folder /tmp] [--first-address 127.97.0.2]
+// set reconstructed as it comes, each from the volume before. Options: soak_live --help.
 // Exit code 0: every pulse became a volume, the 99th percentile of trigger -> committed volume is below the
 // limit, and memory did not grow by more than a tenth after the first fifth.
 #include <sys/resource.h>
 #include <unistd.h>
+#include <CLI/CLI.hpp>
 
 #include <algorithm>
 #include <chrono>
@@ -147,34 +146,18 @@ bool report(const Options& o, const std::filesystem::path& folder, const std::st
   return lost == 0 && receipt.balances() && p99 <= o.limit_ms && memory.late_mib <= 1.1 * memory.early_mib;
 }
 
-Options parse(int argc, char** argv) {
-  Options o;
-  for (int i = 1; i + 1 < argc; i += 2) {
-    const std::string name = argv[i], value = argv[i + 1];
-    if (name == "--seconds")
-      o.seconds = std::stod(value);
-    else if (name == "--rate-hz")
-      o.rate_hz = std::stod(value);
-    else if (name == "--limit-ms")
-      o.limit_ms = std::stod(value);
-    else if (name == "--cameras")
-      o.cameras = std::stoi(value);
-    else if (name == "--workers")
-      o.workers = std::stoi(value);
-    else if (name == "--threads")
-      o.threads = std::stoi(value);
-    else if (name == "--iterations")
-      o.iterations = std::stoi(value);
-    else if (name == "--solver")
-      o.solver = value;
-    else if (name == "--folder")
-      o.folder = value;
-    else if (name == "--first-address")
-      o.first_address = value;
-    else
-      std::exit((std::fprintf(stderr, "unknown option %s\n", argv[i]), 2));
-  }
-  return o;
+void add_options(CLI::App& app, Options& o) {
+  app.option_defaults()->always_capture_default()->take_last();
+  app.add_option("--seconds", o.seconds, "length of the capture");
+  app.add_option("--rate-hz", o.rate_hz, "pulses per second");
+  app.add_option("--limit-ms", o.limit_ms, "the 99th percentile of trigger to committed volume may be");
+  app.add_option("--cameras", o.cameras, "simulated cameras");
+  app.add_option("--workers", o.workers, "reconstruction workers");
+  app.add_option("--threads", o.threads, "threads of each worker");
+  app.add_option("--iterations", o.iterations, "of the solver; 0: the recipe's default");
+  app.add_option("--solver", o.solver, "of every set");
+  app.add_option("--folder", o.folder, "where a data directory is made, and removed");
+  app.add_option("--first-address", o.first_address, "of the simulated cameras");
 }
 
 int run(const Options& o, const std::filesystem::path& folder) {
@@ -227,7 +210,10 @@ int run(const Options& o, const std::filesystem::path& folder) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const Options options = parse(argc, argv);
+  CLI::App app("Reconstructs every set of a long simulated capture as it comes");
+  Options options;
+  add_options(app, options);
+  CLI11_PARSE(app, argc, argv);
   set_log_level(LogLevel::Error);
   std::string folder = options.folder + "/flamefield-live-XXXXXX";
   if (!::mkdtemp(folder.data())) return 2;
