@@ -28,7 +28,7 @@ Result<Solution> solve_memetic(const Problem& problem, const MemeticOptions& opt
       .threads = control.threads, .time_limit_s = control.time_limit_s, .stop = control.stop};
   const Problem swept_problem{problem.projector, problem.images, quiet, problem.team,  problem.support,
                               problem.start,     true,           {},    problem.noise, problem.brightness};
-  Solution out = solve_variational(swept_problem, {.max_iterations = options.sweeps});
+  Solution out = solve_variational(swept_problem, {.max_iterations = options.sweeps, .search_iterations = 2 * options.sweeps / 3});
   const float brightest = out.volume.empty() ? 0 : *std::ranges::max_element(out.volume);
   if (!(brightest > 0)) {
     out.notes.push_back("no image shows any light");

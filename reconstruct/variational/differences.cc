@@ -60,9 +60,8 @@ void Differences::iterate(Team& team, const GuardedVolume& x_bar, const Ascent& 
   };
   team.run(static_cast<std::size_t>(chunks), [&](std::size_t c) {
     for (int z = first(c); z <= last(c); ++z) {
-      if (duals.gradient)
-        ascend_gradient(s, z, x_bar.data(), gradient.step, gradient.weight, *duals.gradient);
-      if (duals.hessian) ascend_hessian(s, z, x_bar.data(), hessian.step, hessian.weight, *duals.hessian);
+      if (duals.gradient) ascend_gradient(s, z, x_bar.data(), gradient.step, *duals.gradient);
+      if (duals.hessian) ascend_hessian(s, z, x_bar.data(), hessian.step, *duals.hessian);
       if (z > first(c) && is_inner(c, z - 1)) descend(s, z - 1, duals, descent);
     }
     if (is_inner(c, last(c))) descend(s, last(c), duals, descent);

@@ -28,10 +28,10 @@ class Differences {
   Dual make_dual(std::size_t fields) const;
   struct Ascent {
     Dual& dual;
-    float step = 0, weight = 0;
+    DualStep step;
   };
 
-  // dual <- onto the ball( dual + step D x_bar ) for both operators, then the primal step with their
+  // The dual steps from D x_bar for both operators, then the primal step with their
   // adjoints. descent.bar must not be x_bar.
   void iterate(Team& team, const GuardedVolume& x_bar, const Ascent& gradient, const Ascent& hessian,
                const PrimalStep& descent) const;

@@ -58,7 +58,7 @@ PrimalDual::PrimalDual(const Problem& problem)
     if (!(column_[j] > kUnmet)) x_.data()[j] = 0;
   std::ranges::copy(x_.span(), x_bar_.data());
   problem.projector.forward(problem.team, x_.span(), ax_);
-  project_forward();
+  project_forward(1);
 }
 
 void PrimalDual::set_weights(const PriorWeights& weights) {
@@ -79,30 +79,32 @@ void PrimalDual::set_weights(const PriorWeights& weights) {
   }
 }
 
-void PrimalDual::iterate() {
-  ascend_data();
+void PrimalDual::iterate(float relaxation) {
+  ascend_data(relaxation);
   problem_.projector.adjoint(problem_.team, dual_, descent_);
+  const auto dual_step = [&](double row, double weight) {
+    return DualStep{static_cast<float>(h_mm_ / (balance_ * row)), static_cast<float>(weight), relaxation};
+  };
   const Differences::Ascent gradient = {gradient_dual_,
-                                        static_cast<float>(h_mm_ / (balance_ * differences_.gradient_row())),
-                                        static_cast<float>(weights_.variation)};
+                                        dual_step(differences_.gradient_row(), weights_.variation)};
   const Differences::Ascent hessian = {hessian_dual_,
-                                       static_cast<float>(h_mm_ / (balance_ * differences_.hessian_row())),
-                                       static_cast<float>(weights_.hessian)};
+                                       dual_step(differences_.hessian_row(), weights_.hessian)};
   differences_.iterate(problem_.team, x_bar_, gradient, hessian,
                        {.h = static_cast<float>(h_mm_),
                         .sparsity = static_cast<float>(weights_.sparsity),
                         .floor = problem_.non_negative ? 0.0f : -INFINITY,
+                        .relaxation = relaxation,
                         .data = descent_.data(),
                         .step = step_.data(),
                         .x = x_.data(),
                         .bar = next_bar_.data()});
   std::swap(x_bar_, next_bar_);
-  project_forward();
+  project_forward(relaxation);
 }
 
 // dual <- prox of the conjugate of 1/(2n) |. - b|^2 at dual + s A x_bar, i.e. (dual + s (A x_bar - b)) / (1 +
 // s n)
-void PrimalDual::ascend_data() {
+void PrimalDual::ascend_data(float relaxation) {
   problem_.team.run_ranges(dual_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     const auto n = static_cast<float>(pixels_per_voxel_), balance = static_cast<float>(balance_ / h_mm_);
     const float *row = row_.data(), *bar = ax_bar_.data(), *b = problem_.images.data();
@@ -110,20 +112,22 @@ void PrimalDual::ascend_data() {
     for (std::size_t p = begin; p < end; ++p) {
       // With s = h / (balance_ row), both sides of the fraction divided by s.
       const float r = balance * row[p];
-      dual[p] = row[p] > kUnmet ? (r * dual[p] + bar[p] - b[p]) / (r + n) : 0.0f;
+      const float next = row[p] > kUnmet ? (r * dual[p] + bar[p] - b[p]) / (r + n) : 0.0f;
+      dual[p] += relaxation * (next - dual[p]);
     }
   });
 }
 
-// A is linear: with x_bar = 2 x - (x before), A x = (A x_bar + A (x before)) / 2. Halving forgets rounding.
-void PrimalDual::project_forward() {
+// A is linear: with x_bar = 2 next - x, A next = (A x_bar + A x) / 2. Halving forgets rounding.
+void PrimalDual::project_forward(float relaxation) {
   problem_.projector.forward(problem_.team, x_bar_.span(), ax_bar_);
   std::vector<double> squares((ax_.size() + kGrain - 1) / kGrain, 0);
   problem_.team.run_ranges(ax_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     double sum = 0;
     for (std::size_t p = begin; p < end; ++p) {
-      ax_[p] = 0.5f * (ax_bar_[p] + ax_[p]);
-      const double d = static_cast<double>(ax_[p]) - static_cast<double>(problem_.images[p]);
+      const float next = 0.5f * (ax_bar_[p] + ax_[p]);
+      ax_[p] += relaxation * (next - ax_[p]);
+      const double d = static_cast<double>(next) - static_cast<double>(problem_.images[p]);
       sum += d * d;
     }
     squares[begin / kGrain] = sum;

@@ -23,7 +23,8 @@ struct DualityGap {
   double gap() const { return primal - dual; }
 };
 
-// Diagonally preconditioned primal-dual iteration (Pock and Chambolle, ICCV 2011) for
+// Diagonally preconditioned primal-dual iteration (Pock and Chambolle, ICCV 2011), over-relaxed (Condat, J.
+// Optim. Theory Appl. 158, 2013), for
 //
 //   min over x >= 0 in the support:  1/(2n) |Ax - b|^2 + variation TV(h x) + hessian |Hess(h x)|_(2,1)
 //                                    + sparsity |h x|_1
@@ -39,11 +40,14 @@ class PrimalDual {
   void set_weights(const PriorWeights& weights);
   const PriorWeights& weights() const { return weights_; }
 
-  void iterate();
+  // relaxation in (0, 2): how far to go towards where the plain iteration would be; above 1: beyond it, which
+  // is faster by about that factor. After a plain one (1) the field keeps its constraints and the gap is
+  // valid.
+  void iterate(float relaxation = 1);
 
   const GuardedVolume& field() const { return x_; }              // x
   std::span<const float> images() const { return ax_; }          // A x, packed
-  double residual_square() const { return residual_square_; }    // |Ax - b|^2
+  double residual_square() const { return residual_square_; }    // |Ax - b|^2 where the plain one would be
   double pixels_per_voxel() const { return pixels_per_voxel_; }  // n
 
   // Costs less than an iteration. The dual variable is made feasible by a constant added to all pixels, so
@@ -51,8 +55,8 @@ class PrimalDual {
   DualityGap gap();
 
  private:
-  void ascend_data();
-  void project_forward();  // from x_bar_: A x_bar, A x and the residual
+  void ascend_data(float relaxation);
+  void project_forward(float relaxation);  // from x_bar_: A x_bar, A x and the residual
 
   const Problem& problem_;
   const Layout& layout_;

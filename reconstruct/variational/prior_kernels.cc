@@ -114,18 +114,23 @@ HWY_INLINE void differences_at(const PriorShape& s, const Around& v, std::size_t
 }
 
 template <std::size_t kFields>
-HWY_INLINE void ascend(const PriorShape& s, int z, const float* values, float step, float weight,
+HWY_INLINE void ascend(const PriorShape& s, int z, const float* values, const DualStep& step,
                        const std::array<float*, kFields>& dual) {
   V scale[kFields], d[kFields];
-  scales_of(s, step, scale);
+  scales_of(s, step.length, scale);
+  const V weight = set(step.weight), reach = set(step.weight * step.relaxation),
+          kept = set(1 - step.relaxation);
   for (int x = 0; x < s.nx; ++x) {
     const Around v(s, values, x, z);
     const auto from = static_cast<std::size_t>(v.at - values);
     for (std::size_t y = 0; y < s.column; y += kLanes) {
       differences_at(s, v, y, d);
       for (std::size_t i = 0; i < kFields; ++i) d[i] = hn::MulAdd(scale[i], d[i], load(dual[i] + from + y));
-      const V shrink = hn::Div(set(weight), hn::Max(norm(d), set(weight)));
-      for (std::size_t i = 0; i < kFields; ++i) hn::StoreU(hn::Mul(shrink, d[i]), kF, dual[i] + from + y);
+      const V shrink = hn::Div(reach, hn::Max(norm(d), weight));
+      for (std::size_t i = 0; i < kFields; ++i) {
+        float* at = dual[i] + from + y;
+        hn::StoreU(hn::MulAdd(shrink, d[i], hn::Mul(kept, load(at))), kF, at);
+      }
     }
   }
 }
@@ -148,13 +153,13 @@ HWY_INLINE double sum_of_norms(const PriorShape& s, int z, const float* values) 
   return sum;
 }
 
-void AscendGradient(const PriorShape& s, int z, const float* x, float step, float weight,
+void AscendGradient(const PriorShape& s, int z, const float* x, const DualStep& step,
                     const GradientDual& dual) {
-  ascend(s, z, x, step, weight, dual);
+  ascend(s, z, x, step, dual);
 }
-void AscendHessian(const PriorShape& s, int z, const float* x, float step, float weight,
+void AscendHessian(const PriorShape& s, int z, const float* x, const DualStep& step,
                    const HessianDual& dual) {
-  ascend(s, z, x, step, weight, dual);
+  ascend(s, z, x, step, dual);
 }
 double GradientNorm(const PriorShape& s, int z, const float* x) {
   return sum_of_norms<3>(s, z, x);
@@ -260,12 +265,13 @@ void ApplyAdjoint(const PriorShape& s, int z, const PriorDuals& duals, float* ou
 
 void Descend(const PriorShape& s, int z, const PriorDuals& duals, const PrimalStep& step) {
   const V h = set(step.h), sparsity = set(step.sparsity), floor = set(step.floor);
+  const V relaxation = set(step.relaxation);
   each_adjoint_of(s, z, duals, [&](std::size_t at, V sum) {
     const V x = load(step.x + at);
     const V slope = hn::MulAdd(h, hn::Add(sum, sparsity), load(step.data + at));
     const V next = hn::Max(hn::NegMulAdd(load(step.step + at), slope, x), floor);
     hn::StoreU(hn::Sub(hn::Add(next, next), x), kF, step.bar + at);
-    hn::StoreU(next, kF, step.x + at);
+    hn::StoreU(hn::MulAdd(relaxation, hn::Sub(next, x), x), kF, step.x + at);
   });
 }
 
@@ -283,13 +289,13 @@ HWY_EXPORT(HessianNorm);
 HWY_EXPORT(ApplyAdjoint);
 HWY_EXPORT(Descend);
 
-void ascend_gradient(const PriorShape& shape, int z, const float* x, float step, float weight,
+void ascend_gradient(const PriorShape& shape, int z, const float* x, const DualStep& step,
                      const GradientDual& dual) {
-  HWY_DYNAMIC_DISPATCH(AscendGradient)(shape, z, x, step, weight, dual);
+  HWY_DYNAMIC_DISPATCH(AscendGradient)(shape, z, x, step, dual);
 }
-void ascend_hessian(const PriorShape& shape, int z, const float* x, float step, float weight,
+void ascend_hessian(const PriorShape& shape, int z, const float* x, const DualStep& step,
                     const HessianDual& dual) {
-  HWY_DYNAMIC_DISPATCH(AscendHessian)(shape, z, x, step, weight, dual);
+  HWY_DYNAMIC_DISPATCH(AscendHessian)(shape, z, x, step, dual);
 }
 double gradient_norm(const PriorShape& shape, int z, const float* x) {
   return HWY_DYNAMIC_DISPATCH(GradientNorm)(shape, z, x);

@@ -18,10 +18,15 @@ struct PriorShape {
 using GradientDual = std::array<float*, 3>;  // x, y, z
 using HessianDual = std::array<float*, 6>;   // xx, yy, zz, sqrt(2) times xy, xz, yz
 
-// dual <- onto the ball of radius `weight`( dual + step * D x )
-void ascend_gradient(const PriorShape& shape, int z, const float* x, float step, float weight,
+struct DualStep {
+  float length = 0, weight = 0;
+  float relaxation = 1;  // how far to go towards the new dual; above 1: beyond it
+};
+
+// dual <- dual + relaxation (onto the ball of radius `weight`( dual + length * D x ) - dual)
+void ascend_gradient(const PriorShape& shape, int z, const float* x, const DualStep& step,
                      const GradientDual& dual);
-void ascend_hessian(const PriorShape& shape, int z, const float* x, float step, float weight,
+void ascend_hessian(const PriorShape& shape, int z, const float* x, const DualStep& step,
                     const HessianDual& dual);
 
 // Sums of |D x| over the slab.
@@ -39,13 +44,15 @@ void apply_adjoint(const PriorShape& shape, int z, const PriorDuals& duals, floa
 
 struct PrimalStep {
   float h = 0, sparsity = 0, floor = 0;
+  float relaxation = 1;         // as of a DualStep
   const float* data = nullptr;  // A^T y
   const float* step = nullptr;
   float* x = nullptr;
   float* bar = nullptr;
 };
 
-// next = max(x - step (data + h (D^T dual + sparsity)), floor); bar <- 2 next - x; x <- next
+// next = max(x - step (data + h (D^T dual + sparsity)), floor); bar <- 2 next - x; x <- x + relaxation (next
+// - x)
 void descend(const PriorShape& shape, int z, const PriorDuals& duals, const PrimalStep& step);
 
 }  // namespace flamefield

@@ -25,7 +25,9 @@ std::vector<SettingField> hessian_fields(VariationalOptions& o) {
 
 namespace {
 
-constexpr int kFirstSearch = 20, kSearchEvery = 10, kGapEvery = 10;  // iterations
+// Over-relaxed iterations, and every tenth a plain one, to look at where they are.
+constexpr float kRelaxation = 1.8f;
+constexpr int kLookEvery = 10, kFirstSearch = 20;
 
 PriorWeights given_weights(const VariationalOptions& o) {
   if (o.prior == VariationalOptions::Prior::Variation) return {.variation = o.weight};
@@ -53,16 +55,21 @@ Solution solve_variational(const Problem& problem, const VariationalOptions& opt
   Solution out;
   double gap = INFINITY;
   for (int iteration = 1;; ++iteration) {
-    state.iterate();
+    const bool looks = iteration % kLookEvery == 0 || iteration == options.max_iterations;
+    state.iterate(looks ? 1 : kRelaxation);
     out.iterations = iteration;
     const bool searching = searches && iteration <= options.search_iterations;
-    if (searching && iteration >= kFirstSearch && iteration % kSearchEvery == 0) {
+    if (searching && iteration >= kFirstSearch && looks) {
       search.update(state);
       set_weights(search.weights());
     }
     const double residual = norm > 0 ? std::sqrt(state.residual_square() / norm) : 0;
     const auto reason = monitor.after(iteration, residual);
-    if (!searching && (reason || iteration % kGapEvery == 0)) gap = dark > 0 ? state.gap().gap() / dark : 0;
+    if (reason && !looks) {
+      state.iterate();  // so that the field keeps its constraints
+      ++out.iterations;
+    }
+    if (!searching && (reason || looks)) gap = dark > 0 ? state.gap().gap() / dark : 0;
     if (reason || gap <= options.gap_tolerance) {
       out.stop_reason = reason.value_or(StopReason::Converged);
       break;

@@ -45,7 +45,7 @@ int main(int argc, char** argv) {
     for (int i = 0; i < iterations; ++i) {
       const auto begin = std::chrono::steady_clock::now();
       differences.iterate(
-          team, bar, {gradient, 0.1f, 0.01f}, {hessian, 0.1f, 0.01f},
+          team, bar, {gradient, {0.1f, 0.01f}}, {hessian, {0.1f, 0.01f}},
           {.h = 1, .data = data.data(), .step = step.data(), .x = x.data(), .bar = next.data()});
       std::swap(bar, next);
       const std::chrono::duration<double, std::milli> wall = std::chrono::steady_clock::now() - begin;

@@ -8,9 +8,9 @@
 #include <cstdio>
 
 #include "reconstruct/metrics.h"
+#include "reconstruct/noise_model.h"
 #include "reconstruct/phantom/phantom.h"
 #include "reconstruct/render.h"
-#include "reconstruct/noise_model.h"
 #include "reconstruct/variational/primal_dual.h"
 #include "reconstruct/variational/weight_search.h"
 #include "tests/reconstruct/support.h"
@@ -79,7 +79,7 @@ class DifferencesTest : public testing::TestWithParam<Box> {
     GuardedVolume y(layout_.voxels()), bar(layout_.voxels());
     const bool hessian = fields == Differences::kHessian;
     differences_.iterate(
-        team_, x, {hessian ? none : dual, 1, 1e30f}, {hessian ? dual : none, 1, 1e30f},
+        team_, x, {hessian ? none : dual, {1, 1e30f}}, {hessian ? dual : none, {1, 1e30f}},
         {.h = 1, .data = nothing_.data(), .step = nothing_.data(), .x = y.data(), .bar = bar.data()});
     return dual;
   }
@@ -137,7 +137,7 @@ TEST_P(DifferencesTest, TheFusedStepIsTheStepsOneByOne) {
                     hessian = differences_.make_dual(Differences::kHessian);
   GuardedVolume x = random(7), next_bar(layout_.voxels()), back(layout_.voxels());
   const std::vector<float> before(x.span().begin(), x.span().end());
-  differences_.iterate(team_, bar, {gradient, 0.3f, 0.2f}, {hessian, 0.2f, 0.5f},
+  differences_.iterate(team_, bar, {gradient, {0.3f, 0.2f}}, {hessian, {0.2f, 0.5f}},
                        {.h = 0.7f,
                         .sparsity = 0.1f,
                         .data = data.data(),
@@ -252,14 +252,19 @@ TEST(PrimalDual, FindsTheSolutionOfADenseReference) {
   for (const PriorWeights& weights : {PriorWeights{.hessian = 3e-3}, PriorWeights{.variation = 3e-3},
                                       PriorWeights{.variation = 1e-3, .hessian = 1e-3, .sparsity = 1e-3}}) {
     const Problem problem = scene.problem();
-    PrimalDual state(problem);
-    state.set_weights(weights);
-    for (int i = 0; i < 3000; ++i) state.iterate();
-    const Eigen::VectorXd expected = dense_solution(scene, state.pixels_per_voxel(), weights);
-    const std::vector<float> found = scene.layout.unpack_volume(state.field().span());
-    for (std::size_t j = 0; j < found.size(); ++j)
-      EXPECT_NEAR(static_cast<double>(found[j]), expected[static_cast<Eigen::Index>(j)],
-                  2e-3 * expected.maxCoeff());
+    Eigen::VectorXd expected;
+    for (const float relaxation : {1.0f, 1.8f}) {
+      PrimalDual state(problem);
+      state.set_weights(weights);
+      for (int i = 0; i < 3000; ++i) state.iterate(relaxation);
+      state.iterate();
+      if (expected.size() == 0) expected = dense_solution(scene, state.pixels_per_voxel(), weights);
+      const std::vector<float> found = scene.layout.unpack_volume(state.field().span());
+      for (std::size_t j = 0; j < found.size(); ++j)
+        EXPECT_NEAR(static_cast<double>(found[j]), expected[static_cast<Eigen::Index>(j)],
+                    2e-3 * expected.maxCoeff())
+            << "relaxation " << relaxation;
+    }
   }
 }
 
@@ -389,6 +394,28 @@ Flame flame_of(PhantomKind kind, int side) {
 const Flame& flame() {
   static const Flame one = flame_of(PhantomKind::Bunsen, 24);
   return one;
+}
+
+TEST(PrimalDual, OverRelaxedItNeedsThreeQuartersOfTheIterationsAtMost) {
+  Team team(2);
+  const Projector projector = *Projector::make(flame().rig, flame().grid, {}, team);
+  std::vector<float> images = projector.layout().pack_images(flame().with_noise(0.02).values);
+  const float brightest = *std::ranges::max_element(images);
+  for (float& v : images) v /= brightest;
+  const SolveControl control;
+  const Problem problem{projector, images, control, team};
+  const auto field_after = [&](float relaxation, int iterations) {
+    PrimalDual state(problem);
+    state.set_weights({.hessian = 1e-3});
+    for (int i = 1; i <= iterations; ++i) state.iterate(i == iterations ? 1 : relaxation);
+    for (const float v : state.field().span()) EXPECT_GE(v, 0);
+    return std::vector<float>(state.field().span().begin(), state.field().span().end());
+  };
+  const std::vector<float> solution = field_after(1, 2000);
+  for (const int iterations : {20, 40, 80, 160})
+    EXPECT_LT(relative_distance(field_after(1.8f, iterations * 3 / 4), solution),
+              relative_distance(field_after(1, iterations), solution))
+        << iterations << " iterations";
 }
 
 Recipe recipe_of(const std::string& solver, std::initializer_list<const char*> settings = {}) {
