@@ -187,7 +187,6 @@ export class Scene {
     camera.setPosition(centre[0] + 60, centre[1] + 45, centre[2] + 100);
     camera.setViewUp(0, 1, 0);
     this.renderer.resetCamera();
-    camera.zoom(1.12);
     this.schedule();
   }
 
