@@ -61,7 +61,7 @@ std::optional<LivePlanner> live_planner(const LabConfig& lab, Bus& bus, const La
   if (lab.rig.empty()) return std::nullopt;
   Processing processing;
   processing.grid = lab.domain;
-  if (!lab.recipe.empty()) processing.recipe = or_usage(read_recipe(lab.recipe, validate_recipe));
+  processing.recipe = lab.recipe.empty() ? live_recipe() : or_usage(read_recipe(lab.recipe, validate_recipe));
   if (laboratory && !processing.recipe.settings.contains("prepare.counts_per_unit")) {
     processing.recipe.settings["prepare.counts_per_unit"] =
         laboratory->film().electrons_per_unit() * laboratory->grey_levels_per_electron(lab.pixel_format);

@@ -2,6 +2,10 @@
 
 namespace flamefield {
 
+Recipe live_recipe() {
+  return {.solver = "hessian", .settings = {{"hessian.max_iterations", std::int64_t{40}}}};
+}
+
 Result<> LivePlanner::start() {
   const auto accepted = dispatcher_.ask_for<Accepted>(LivePlan{.on = true, .processing = processing_},
                                                       std::chrono::seconds(10));

@@ -8,6 +8,11 @@
 
 namespace flamefield {
 
+// The default solver with half of its usual iterations: from the volume before, they lead as far
+// (test_reconstruct_slow --gtest_filter='VariationalSlow.FromTheVolumeBefore*'), and leave time for the next
+// set.
+Recipe live_recipe();
+
 // Keeps the dispatcher's live plan up to date: every set of a burst becomes a volume with the given rig,
 // recipe and grid, and with the newest dark, background and flat captures.
 class LivePlanner {

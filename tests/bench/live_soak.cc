@@ -19,6 +19,7 @@
 #include "services/ledger/reader.h"
 #include "services/log/log.h"
 #include "services/serve/embedded.h"
+#include "services/serve/live_planner.h"
 #include "services/simulation/laboratory.h"
 #include "services/store/volume_file.h"
 
@@ -30,7 +31,7 @@ namespace {
 struct Options {
   double seconds = 60, rate_hz = 5, limit_ms = 500;
   int cameras = 15, workers = 1, threads = 2, iterations = 0;
-  std::string solver = "hessian", folder = "/tmp", first_address = "127.97.0.2";
+  std::string solver, folder = "/tmp", first_address = "127.97.0.2";
 };
 
 template <class T>
@@ -68,8 +69,9 @@ struct Memory {
 Processing processing_of(const Options& o, const Laboratory& laboratory, PixelFormat format) {
   Processing processing;
   processing.grid = laboratory.film().truth(0).grid;
-  processing.recipe.solver = o.solver;
-  if (o.iterations > 0) processing.recipe.settings[o.solver + ".max_iterations"] = std::int64_t{o.iterations};
+  processing.recipe = o.solver.empty() ? live_recipe() : Recipe{o.solver, {}};
+  if (o.iterations > 0)
+    processing.recipe.settings[processing.recipe.solver + ".max_iterations"] = std::int64_t{o.iterations};
   processing.recipe.settings["prepare.counts_per_unit"] =
       laboratory.film().electrons_per_unit() * laboratory.grey_levels_per_electron(format);
   return processing;
@@ -138,7 +140,8 @@ bool report(const Options& o, const std::filesystem::path& folder, const std::st
       mean(queue_ms), quantile(queue_ms, 0.99), mean(fetch_ms), quantile(fetch_ms, 0.99), mean(prepare_ms),
       quantile(prepare_ms, 0.99), mean(solve_ms), quantile(solve_ms, 0.99), mean(write_ms),
       quantile(write_ms, 0.99));
-  std::printf("solver %s  iterations %.1f  warm_started %ld  pearson_mean %.4f\n", o.solver.c_str(),
+  std::printf("solver %s  iterations %.1f  warm_started %ld  pearson_mean %.4f\n",
+              runs.empty() ? "" : runs.front().run.solver.c_str(),
               static_cast<double>(iterations) / static_cast<double>(std::max<std::size_t>(runs.size(), 1)),
               static_cast<long>(warm), mean(pearson));
   std::printf("rss_mib after a fifth %.0f, at the end %.0f, at most %.0f\n", memory.early_mib,
@@ -154,8 +157,8 @@ void add_options(CLI::App& app, Options& o) {
   app.add_option("--cameras", o.cameras, "simulated cameras");
   app.add_option("--workers", o.workers, "reconstruction workers");
   app.add_option("--threads", o.threads, "threads of each worker");
-  app.add_option("--iterations", o.iterations, "of the solver; 0: the recipe's default");
-  app.add_option("--solver", o.solver, "of every set");
+  app.add_option("--iterations", o.iterations, "of the solver; 0: as many as usual");
+  app.add_option("--solver", o.solver, "of every set, as it is at the desk; default: the live recipe");
   app.add_option("--folder", o.folder, "where a data directory is made, and removed");
   app.add_option("--first-address", o.first_address, "of the simulated cameras");
 }
