@@ -17,6 +17,7 @@ struct StartCapture {  // -> CaptureState, once every camera is armed
   std::int64_t pulses = 0;      // 0: until stopped
   std::string id = {};          // empty: named by time and kind
   std::int64_t pre_pulses = 0;  // the last ones before the request, which standby has kept, are stored too
+  bool store = true;            // false: only shown (GetPreview), nothing lasts
 };
 struct StandBy {};  // -> CaptureState; the array sees every pulse and keeps the last ones in memory
 // -> CaptureState, once every set is stored: stopping drains, it never discards. Ends standby when nothing is

@@ -7,6 +7,7 @@
 #include <variant>
 #include <vector>
 
+#include "proto/calibration.h"
 #include "proto/capture.h"
 #include "proto/error.h"
 #include "proto/frame.h"
@@ -177,7 +178,9 @@ using Message =
     std::variant<PutSet, SetStored, PutCapture, PutRig, RigStored, LivePlan, Submit, Submitted, PutMetrics,
                  GetStatus, Status, Ready, Lease, FetchSet, SetData, Heartbeat, LeaseLost, Finish, Committed,
                  Fail, Accepted, Rejected, Event, StartCapture, StopCapture, GetCapture, GetPreview,
-                 CaptureState, ControlJobs, JobsControlled, GetJobs, Jobs, StandBy>;
+                 CaptureState, ControlJobs, JobsControlled, GetJobs, Jobs, StandBy, StartCalibration,
+                 TakePose, SolveCalibration, AcceptCalibration, DiscardCalibration, GetCalibration,
+                 CalibrationState, PutCalibration, CalibrationStored>;
 
 struct Envelope {
   std::uint64_t request = 0;  // 0: no reply expected

@@ -12,7 +12,7 @@ namespace {
 
 struct Arguments {
   std::filesystem::path data, keys, report;
-  std::string dispatcher, acquisition;
+  std::string dispatcher, acquisition, calibration;
   std::uint16_t port = 8080;
 };
 
@@ -30,7 +30,8 @@ Result<> serve(const Arguments& arguments) {
       {.role = "client",
        .acquisition = arguments.acquisition.empty() ? endpoints->acquisition : arguments.acquisition,
        .dispatcher = arguments.dispatcher.empty() ? endpoints->dispatcher : arguments.dispatcher,
-       .data_dir = arguments.data},
+       .data_dir = arguments.data,
+       .calibration = arguments.calibration.empty() ? endpoints->calibration : arguments.calibration},
       arguments.report);
   if (!pages) return tl::unexpected(pages.error());
   log_event(LogLevel::Info, "gateway-started", {{"url", (*pages)->url()}});
@@ -52,6 +53,7 @@ int main(int argc, char** argv) {
   app.add_option("--report", arguments.report, "a report to link from the page");
   app.add_option("--dispatcher", arguments.dispatcher, "default: DATA/run/dispatcher.sock");
   app.add_option("--acquisition", arguments.acquisition, "default: DATA/run/acquisition.sock");
+  app.add_option("--calibration", arguments.calibration, "default: DATA/run/calibration.sock");
   app.add_option("--keys", arguments.keys, "key directory (default: DATA/keys)");
   return flamefield::run_daemon(app, argc, argv, [&] { return flamefield::serve(arguments); });
 }

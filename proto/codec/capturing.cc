@@ -8,11 +8,13 @@ void write(const StartCapture& m, v1::StartCapture* wire) {
   wire->set_pulses(m.pulses);
   wire->set_id(m.id);
   wire->set_pre_pulses(m.pre_pulses);
+  wire->set_show_only(!m.store);
 }
 void read(const v1::StartCapture& wire, StartCapture& m, Check& check) {
   m.pulses = wire.pulses();
   m.id = wire.id();
   m.pre_pulses = wire.pre_pulses();
+  m.store = !wire.show_only();
   check.count(m.pulses, "pulses");
   check.count(m.pre_pulses, "pre_pulses");
   check.optional_name(m.id, "capture");

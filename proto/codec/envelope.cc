@@ -68,7 +68,24 @@ constexpr auto kRows = std::make_tuple(
                         &v1::Envelope::mutable_jobs_controlled),
     row<GetJobs>(v1::Envelope::kGetJobs, &v1::Envelope::get_jobs, &v1::Envelope::mutable_get_jobs),
     row<Jobs>(v1::Envelope::kJobs, &v1::Envelope::jobs, &v1::Envelope::mutable_jobs),
-    row<StandBy>(v1::Envelope::kStandBy, &v1::Envelope::stand_by, &v1::Envelope::mutable_stand_by));
+    row<StandBy>(v1::Envelope::kStandBy, &v1::Envelope::stand_by, &v1::Envelope::mutable_stand_by),
+    row<StartCalibration>(v1::Envelope::kStartCalibration, &v1::Envelope::start_calibration,
+                          &v1::Envelope::mutable_start_calibration),
+    row<TakePose>(v1::Envelope::kTakePose, &v1::Envelope::take_pose, &v1::Envelope::mutable_take_pose),
+    row<SolveCalibration>(v1::Envelope::kSolveCalibration, &v1::Envelope::solve_calibration,
+                          &v1::Envelope::mutable_solve_calibration),
+    row<AcceptCalibration>(v1::Envelope::kAcceptCalibration, &v1::Envelope::accept_calibration,
+                           &v1::Envelope::mutable_accept_calibration),
+    row<DiscardCalibration>(v1::Envelope::kDiscardCalibration, &v1::Envelope::discard_calibration,
+                            &v1::Envelope::mutable_discard_calibration),
+    row<GetCalibration>(v1::Envelope::kGetCalibration, &v1::Envelope::get_calibration,
+                        &v1::Envelope::mutable_get_calibration),
+    row<CalibrationState>(v1::Envelope::kCalibrationState, &v1::Envelope::calibration_state,
+                          &v1::Envelope::mutable_calibration_state),
+    row<PutCalibration>(v1::Envelope::kPutCalibration, &v1::Envelope::put_calibration,
+                        &v1::Envelope::mutable_put_calibration),
+    row<CalibrationStored>(v1::Envelope::kCalibrationStored, &v1::Envelope::calibration_stored,
+                           &v1::Envelope::mutable_calibration_stored));
 static_assert(std::tuple_size_v<decltype(kRows)> == std::variant_size_v<Message>);
 
 template <class M>

@@ -164,6 +164,30 @@ void read(const v1::GetPreview& wire, GetPreview& m, Check& check);
 void write(const CaptureState& m, v1::CaptureState* wire);
 void read(const v1::CaptureState& wire, CaptureState& m, Check& check);
 
+// calibrating.cc
+void write(const BoardSpec& m, v1::BoardSpec* wire);
+void read(const v1::BoardSpec& wire, BoardSpec& m, Check& check);
+void write(const StartCalibration& m, v1::StartCalibration* wire);
+void read(const v1::StartCalibration& wire, StartCalibration& m, Check& check);
+void write(const TakePose& m, v1::TakePose* wire);
+void read(const v1::TakePose& wire, TakePose& m, Check& check);
+void write(const SolveCalibration& m, v1::SolveCalibration* wire);
+void read(const v1::SolveCalibration& wire, SolveCalibration& m, Check& check);
+void write(const AcceptCalibration& m, v1::AcceptCalibration* wire);
+void read(const v1::AcceptCalibration& wire, AcceptCalibration& m, Check& check);
+void write(const DiscardCalibration& m, v1::DiscardCalibration* wire);
+void read(const v1::DiscardCalibration& wire, DiscardCalibration& m, Check& check);
+void write(const GetCalibration& m, v1::GetCalibration* wire);
+void read(const v1::GetCalibration& wire, GetCalibration& m, Check& check);
+void write(const CalibrationState& m, v1::CalibrationState* wire);
+void read(const v1::CalibrationState& wire, CalibrationState& m, Check& check);
+void write(const Calibration& m, v1::Calibration* wire);
+void read(const v1::Calibration& wire, Calibration& m, Check& check);
+void write(const PutCalibration& m, v1::PutCalibration* wire);
+void read(const v1::PutCalibration& wire, PutCalibration& m, Check& check);
+void write(const CalibrationStored& m, v1::CalibrationStored* wire);
+void read(const v1::CalibrationStored& wire, CalibrationStored& m, Check& check);
+
 // replies.cc
 void write(const Error& error, v1::Error* wire);
 void read(const v1::Error& wire, Error& error, Check& check);

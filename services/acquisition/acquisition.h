@@ -88,10 +88,12 @@ class Acquisition {
 
   // acquisition_capture.cc: the life of a capture.
   Message start(const StartCapture& request);
+  Message show(const StartCapture& request);
   Message stand_by();
   Result<> arm(const CaptureOptions& options);
   void disarm();
   void begin(const StartCapture& request);
+  void begin_state(const StartCapture& request, const std::string& id);
   void note(const PutCapture& capture);
   bool has_all_pulses() const;
   void end_capture(CaptureEnd end, const std::string& reason);
@@ -117,7 +119,8 @@ class Acquisition {
 
   mutable std::mutex mutex_;  // what follows
   CaptureState state_;
-  PutCapture capture_;  // the running one, else the last
+  bool shows_only_ = false;  // armed without a capture: pictures for previews
+  PutCapture capture_;       // the running one, else the last
   CaptureJournal journal_;
   SetHistory history_;
   Previews previews_;

@@ -42,6 +42,7 @@ Message Acquisition::start(const StartCapture& request) {
     return refusal("capture '" + state().id + "' is running", "the array takes one at a time",
                    "wait for it, or run 'flamefield stop'");
   }
+  if (!request.store) return show(request);
   if (request.pre_pulses > 0 && (now != CapturePhase::Standby || !begins_in_standby(request.kind))) {
     return refusal(concat("capture with ", request.pre_pulses, " pulses from before"),
                    "only a burst that begins in standby has any",
@@ -88,6 +89,27 @@ Message Acquisition::start(const StartCapture& request) {
     failed = capture_;
   }
   tell_dispatcher(failed, seconds(1));
+  return Rejected{armed.error()};
+}
+
+// Pictures for whoever asks for previews, until stopped: no capture, so nothing is told, noted or stored.
+Message Acquisition::show(const StartCapture& request) {
+  if (request.pulses != 0 || request.pre_pulses != 0) {
+    return Rejected{invalid_input("pictures that are only shown", "a number of pulses was asked for",
+                                  "leave it out: they are shown until stopped")
+                        .value()};
+  }
+  if (is_armed_) disarm();
+  {
+    const std::scoped_lock lock(mutex_);
+    shows_only_ = true;
+    begin_state(request, request.id);
+  }
+  const auto armed = arm({.capture = "shown", .kind = request.kind, .pulses = 0});
+  if (armed) return state();
+  const std::scoped_lock lock(mutex_);
+  shows_only_ = false;
+  state_.phase = CapturePhase::Idle;
   return Rejected{armed.error()};
 }
 
@@ -142,22 +164,27 @@ void Acquisition::disarm() {
   const CaptureReport report = array_->stop();
   is_armed_ = false;
   const std::scoped_lock lock(mutex_);
-  if (state_.phase == CapturePhase::Armed)
+  if (state_.phase == CapturePhase::Armed && !shows_only_)
     capture_.accounts = accounts_of(state_, report.cameras, receipts_before_);
   for (std::size_t i = 0; i < report.cameras.size(); ++i)
     state_.cameras[i].connected = !report.cameras[i].is_lost;
 }
 
+// With mutex_ held.
+void Acquisition::begin_state(const StartCapture& request, const std::string& id) {
+  state_.phase = CapturePhase::Armed;
+  state_.id = id;
+  state_.kind = request.kind;
+  state_.pulses_wanted = request.pulses;
+  state_.sets = state_.sets_stored = state_.pre_pulses = 0;
+  for (auto& camera : state_.cameras) camera.frames = 0, camera.losses.clear(), camera.counters.clear();
+  previews_.count_from_zero();
+}
+
 // With mutex_ held: from the next set on, sets belong to the capture; and those of standby's memory that are
 // asked for.
 void Acquisition::begin(const StartCapture& request) {
-  state_.phase = CapturePhase::Armed;
-  state_.id = capture_.id;
-  state_.kind = request.kind;
-  state_.pulses_wanted = request.pulses;
-  state_.sets = state_.sets_stored = 0;
-  for (auto& camera : state_.cameras) camera.frames = 0, camera.losses.clear(), camera.counters.clear();
-  previews_.count_from_zero();
+  begin_state(request, capture_.id);
   pulse_base_ = is_armed_ ? pulses_seen_ : 0;
   receipts_before_ =
       is_armed_ ? receipts_of(array_->progress(), array_->names()) : std::vector<CameraReceipt>();
@@ -176,6 +203,7 @@ void Acquisition::on_set(FrameSet set) {
   const std::int64_t pulse = set.pulse - pulse_base_;
   const bool is_wanted =
       state_.phase == CapturePhase::Armed && (state_.pulses_wanted == 0 || pulse <= state_.pulses_wanted);
+  if (shows_only_) return;
   if (is_wanted) {
     keep(std::move(set));
   } else {
@@ -221,6 +249,12 @@ bool Acquisition::has_all_pulses() const {
 void Acquisition::end_capture(CaptureEnd end, const std::string& reason) {
   const bool goes_on = stands_by_ && begins_in_standby(state().kind) && end == CaptureEnd::Complete;
   if (!goes_on && is_armed_) disarm();
+  if (shows_only_) {
+    const std::scoped_lock lock(mutex_);
+    shows_only_ = false;
+    state_.phase = CapturePhase::Idle;
+    return;
+  }
   PutCapture ended;
   {
     const std::scoped_lock lock(mutex_);

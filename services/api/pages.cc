@@ -29,8 +29,8 @@ std::optional<HttpResponse> answer_api(LiveServices& services, std::string_view 
     call.parts.push_back(part);
   }
   if (call.parts.empty()) return std::nullopt;
-  constexpr std::array kRoutes = {answer_runs,  answer_captures, answer_recipes,
-                                  answer_array, answer_work,     answer_records};
+  constexpr std::array kRoutes = {answer_runs, answer_captures, answer_recipes,    answer_array,
+                                  answer_work, answer_records,  answer_calibration};
   try {
     for (const auto route : kRoutes) {
       if (auto response = route(call)) return response;
@@ -62,6 +62,7 @@ Result<std::unique_ptr<Pages>> Pages::open(Bus& bus, HttpServerOptions http,
   };
   sources.metrics_text = [services = pages->services_] { return metrics_text(*services); };
   sources.volumes_folder = addresses.data_dir / "volumes";
+  sources.calibrations_folder = addresses.data_dir / "calibrations";
   if (!report.empty()) sources.report_folder = report.parent_path();
   http.board = &pages->board_;
   auto gateway = Gateway::open(std::move(http), *token, std::move(sources));

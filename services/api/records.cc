@@ -9,37 +9,6 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json json_of(const Rig& rig, const std::string& id) {
-  Json cameras = Json::array();
-  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
-    const Camera& camera = rig.cameras[i];
-    const Eigen::Vector3d centre = camera.centre_mm();
-    const Eigen::Vector3d axis = camera.camera_from_world.inverse().rotation * Eigen::Vector3d::UnitZ();
-    Json json = {{"name", camera.name},
-                 {"width_px", camera.image_width_px},
-                 {"height_px", camera.image_height_px},
-                 {"fx_px", camera.fx_px},
-                 {"fy_px", camera.fy_px},
-                 {"centre_mm", {centre.x(), centre.y(), centre.z()}},
-                 {"axis", {axis.x(), axis.y(), axis.z()}}};
-    if (rig.quality && i < rig.quality->cameras.size()) {
-      const CameraQuality& quality = rig.quality->cameras[i];
-      json["images"] = quality.images;
-      json["corners"] = quality.corners;
-      json["rejected_corners"] = quality.rejected_corners;
-      json["rms_px"] = quality.rms_px;
-      json["position_sigma_mm"] = quality.position_sigma_mm;
-      json["rotation_sigma_rad"] = quality.rotation_sigma_rad;
-      json["focal_sigma_px"] = quality.focal_sigma_px;
-    }
-    cameras.push_back(std::move(json));
-  }
-  return {{"id", id},
-          {"rms_px", rig.quality ? Json(rig.quality->rms_px) : Json(nullptr)},
-          {"board_poses", rig.quality ? Json(rig.quality->board_poses) : Json(nullptr)},
-          {"cameras", std::move(cameras)}};
-}
-
 Result<Json> events_json(LedgerReader& ledger, std::int64_t limit) {
   const auto events = ledger.events(limit);
   if (!events) return tl::unexpected(events.error());

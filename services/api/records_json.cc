@@ -158,4 +158,37 @@ Json json_of(const Status& status) {
           {"counters", status.counters}};
 }
 
+Json json_of(const Rig& rig, const std::string& id) {
+  Json cameras = Json::array();
+  for (std::size_t i = 0; i < rig.cameras.size(); ++i) {
+    const Camera& camera = rig.cameras[i];
+    const Eigen::Vector3d centre = camera.centre_mm();
+    const Eigen::Matrix3d world_from_camera = camera.camera_from_world.rotation.transpose();
+    const Eigen::Vector3d axis = world_from_camera.col(2), up = -world_from_camera.col(1);
+    Json json = {{"name", camera.name},
+                 {"width_px", camera.image_width_px},
+                 {"height_px", camera.image_height_px},
+                 {"fx_px", camera.fx_px},
+                 {"fy_px", camera.fy_px},
+                 {"centre_mm", {centre.x(), centre.y(), centre.z()}},
+                 {"axis", {axis.x(), axis.y(), axis.z()}},
+                 {"up", {up.x(), up.y(), up.z()}}};
+    if (rig.quality && i < rig.quality->cameras.size()) {
+      const CameraQuality& quality = rig.quality->cameras[i];
+      json["images"] = quality.images;
+      json["corners"] = quality.corners;
+      json["rejected_corners"] = quality.rejected_corners;
+      json["rms_px"] = quality.rms_px;
+      json["position_sigma_mm"] = quality.position_sigma_mm;
+      json["rotation_sigma_rad"] = quality.rotation_sigma_rad;
+      json["focal_sigma_px"] = quality.focal_sigma_px;
+    }
+    cameras.push_back(std::move(json));
+  }
+  return {{"id", id},
+          {"rms_px", rig.quality ? Json(rig.quality->rms_px) : Json(nullptr)},
+          {"board_poses", rig.quality ? Json(rig.quality->board_poses) : Json(nullptr)},
+          {"cameras", std::move(cameras)}};
+}
+
 }  // namespace flamefield

@@ -4,6 +4,7 @@
 
 #include "proto/capture.h"
 #include "proto/message.h"
+#include "proto/rig.h"
 #include "proto/utc.h"
 #include "services/ledger/reader.h"
 
@@ -16,5 +17,6 @@ nlohmann::ordered_json json_of(const Receipt& receipt);
 nlohmann::ordered_json json_of(const CaptureRow& row);
 nlohmann::ordered_json json_of(const CaptureState& state);
 nlohmann::ordered_json json_of(const Status& status);
+nlohmann::ordered_json json_of(const Rig& rig, const std::string& id);
 
 }  // namespace flamefield

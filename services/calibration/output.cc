@@ -127,6 +127,74 @@ std::string json_text(const FlameCheck& check) {
          "\n";
 }
 
+std::string json_text(const CalibrationState& state) {
+  nlohmann::json cameras = nlohmann::json::array(), links = nlohmann::json::array();
+  for (const auto& camera : state.cameras) {
+    nlohmann::json out = {{"name", camera.name},
+                          {"sees_board", camera.sees_board},
+                          {"last_reason", camera.last_reason},
+                          {"corners_px", camera.corners_px},
+                          {"boards", camera.boards},
+                          {"coverage", camera.coverage},
+                          {"covered", camera.covered},
+                          {"region_px", camera.region_px},
+                          {"expected_px", nullptr},
+                          {"shift_px", nullptr},
+                          {"moved", camera.moved}};
+    if (camera.expected_px >= 0) out["expected_px"] = camera.expected_px;
+    if (camera.shift_px >= 0) out["shift_px"] = camera.shift_px;
+    cameras.push_back(std::move(out));
+  }
+  for (const auto& link : state.links_missing) links.push_back({{"a", link.a}, {"b", link.b}});
+  return nlohmann::json{{"state", name_of(state.phase)},
+                        {"session", state.id},
+                        {"automatic", state.automatic},
+                        {"poses", state.poses},
+                        {"wanted_poses", state.wanted_poses},
+                        {"still", state.still},
+                        {"new", state.is_new},
+                        {"message", state.message},
+                        {"error", state.error},
+                        {"cameras", std::move(cameras)},
+                        {"needed", state.needed},
+                        {"links_missing", std::move(links)},
+                        {"volume_coverage", state.volume_coverage},
+                        {"verdict", state.verdict},
+                        {"rms_px", state.rms_px},
+                        {"volume_error_px",
+                         {{"mean", state.volume_mean_px},
+                          {"worst", state.volume_worst_px},
+                          {"camera", state.worst_camera}}},
+                        {"previous_version", state.previous_version},
+                        {"moved_cameras", state.moved},
+                        {"accepted_version", state.accepted_version},
+                        {"report", state.report},
+                        {"board", state.board}}
+             .dump(2) +
+         "\n";
+}
+
+std::string json_text(const Calibration& c) {
+  return nlohmann::json{
+             {"version", c.version},
+             {"predecessor", c.predecessor == 0 ? nlohmann::json() : nlohmann::json(c.predecessor)},
+             {"rig_id", c.rig_id},
+             {"accepted_time_ns", c.accepted_time_ns},
+             {"accepted_by", c.accepted_by},
+             {"note", c.note},
+             {"capture", c.capture},
+             {"poses", c.poses},
+             {"rms_px", c.rms_px},
+             {"volume_error_px",
+              {{"mean", c.volume_mean_px}, {"worst", c.volume_worst_px}, {"camera", c.worst_camera}}},
+             {"verdict", c.verdict},
+             {"moved_cameras", c.moved},
+             {"worst_shift_px", c.worst_shift_px < 0 ? nlohmann::json() : nlohmann::json(c.worst_shift_px)},
+             {"most_shifted", c.most_shifted}}
+             .dump(2) +
+         "\n";
+}
+
 std::string split_half_text(const CalibrationReport& report) {
   if (!report.split_half) return "none (too few poses)";
   return fmt::format("{:.4f} deg, {:.3f} mm, {:.3f} px in the volume",

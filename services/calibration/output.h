@@ -8,6 +8,7 @@
 #include "calibrate/calibrate.h"
 #include "calibrate/check.h"
 #include "calibrate/compare.h"
+#include "proto/calibration.h"
 #include "services/calibration/flame_check.h"
 
 namespace flamefield {
@@ -16,6 +17,8 @@ namespace flamefield {
 std::string json_text(const CalibrationReport& report);
 std::string json_text(const CheckReport& report);
 std::string json_text(const FlameCheck& check);
+std::string json_text(const CalibrationState& state);
+std::string json_text(const Calibration& accepted);
 
 // What a report states beside the solution itself.
 struct CalibrationContext {

@@ -216,6 +216,9 @@ void add_calibrate(CLI::App& app, Session& session) {
       "Example:\n  flamefield calibrate solve boards/* --board 9x6 --square-mm 25 --out rig.yaml");
   command->callback([options, &session] { session.choose([=, &session] { solve(*options, session); }); });
 
+  add_calibrate_session(*calibrate_command, session);
+  add_calibrate_history(*calibrate_command, session);
+
   auto check_options = std::make_shared<Options>();
   auto* check_command =
       calibrate_command->add_subcommand("check", "Has a camera moved? Exit code 1 when one has");

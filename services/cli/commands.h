@@ -20,6 +20,8 @@ void add_study(CLI::App& app, Session& session);
 void add_show(CLI::App& app, Session& session);
 void add_convert(CLI::App& app, Session& session);
 void add_calibrate(CLI::App& app, Session& session);
+void add_calibrate_session(CLI::App& calibrate, Session& session);  // below calibrate
+void add_calibrate_history(CLI::App& calibrate, Session& session);
 void add_demo(CLI::App& app, Session& session);
 void add_serve(CLI::App& app, Session& session);
 void add_simulate(CLI::App& app, Session& session);

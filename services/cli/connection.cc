@@ -19,7 +19,7 @@ Connection connect_to(const DataOption& data) {
   const Endpoints endpoints = or_usage(endpoints_of(data.dir));
   auto bus = std::make_unique<Bus>(or_usage(KeyRing::open(endpoints.keys, "client")));
   auto operating = or_fail(Operator::connect(*bus, "client", endpoints.acquisition, endpoints.dispatcher));
-  return {std::move(bus), std::move(operating)};
+  return {std::move(bus), std::move(operating), endpoints};
 }
 
 }  // namespace flamefield

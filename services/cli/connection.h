@@ -23,6 +23,7 @@ void add_data(CLI::App& command, DataOption& data);
 struct Connection {
   std::unique_ptr<Bus> bus;
   Operator operating;
+  Endpoints endpoints;
 };
 // Ends the command when there is no such folder or nobody serves it.
 Connection connect_to(const DataOption& data);

@@ -1,4 +1,6 @@
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <iostream>
 #include <thread>
 
@@ -8,6 +10,7 @@
 #include "services/cli/progress.h"
 #include "services/config/lab_config.h"
 #include "services/config/recipe_file.h"
+#include "services/ledger/reader.h"
 #include "services/serve/embedded.h"
 #include "services/serve/lab_cameras.h"
 #include "services/serve/live_planner.h"
@@ -57,19 +60,55 @@ std::unique_ptr<Laboratory> simulated(const LabConfig& lab, const Options& optio
   return or_fail(Laboratory::open(laboratory));
 }
 
-std::optional<LivePlanner> live_planner(const LabConfig& lab, Bus& bus, const Laboratory* laboratory) {
-  if (lab.rig.empty()) return std::nullopt;
+CalibrationServiceOptions calibration_of(const LabConfig& lab) {
+  CalibrationServiceOptions out;
+  out.board = lab.board;
+  out.reference_centre_mm = lab.reference_centre_mm;
+  out.reference_azimuth_rad = lab.reference_azimuth_rad;
+  out.volume = {lab.volume_centre_mm, lab.volume_diameter_mm, lab.volume_height_mm};
+  return out;
+}
+
+// The simulated laboratory knows its board, and someone there who turns it when the session is done with a
+// pose.
+CalibrationServiceOptions calibration_in(Laboratory& laboratory, CalibrationServiceOptions out) {
+  out.board = laboratory.board();
+  const Rigid3& reference = laboratory.world_from_reference_board();
+  const Eigen::Vector3d face = -reference.rotation.col(2);
+  out.reference_centre_mm = out.volume.centre_mm = reference.translation_mm;
+  out.reference_azimuth_rad = std::atan2(face.z(), face.x());
+  out.show_next_pose = [&laboratory] { laboratory.turn_board(); };
+  return out;
+}
+
+// The rig that bursts are reconstructed with: of lab.toml or --rig, else of the newest accepted calibration
+// of these cameras. Empty: none.
+std::string rig_in_use(const LabConfig& lab, const AcquisitionOptions& array, Client& dispatcher) {
+  if (!lab.rig.empty()) {
+    const Rig rig = or_usage(read_rig(lab.rig));
+    return or_fail(dispatcher.ask_for<RigStored>(PutRig{rig}, std::chrono::seconds(10))).rig_id;
+  }
+  auto ledger = LedgerReader::open(lab.data_directory);
+  if (!ledger) return "";
+  const auto accepted = or_fail(ledger->calibrations());
+  if (accepted.empty()) return "";
+  const Rig rig = or_fail(ledger->rig(accepted.back().rig_id));
+  const bool is_of_these = std::ranges::all_of(
+      array.cameras, [&](const CameraAddress& camera) { return rig.find(camera.name).has_value(); });
+  return is_of_these ? accepted.back().rig_id : "";
+}
+
+LivePlanner live_planner(const LabConfig& lab, const std::string& rig_id, Client dispatcher,
+                         const Laboratory* laboratory) {
   Processing processing;
+  processing.rig_id = rig_id;
   processing.grid = lab.domain;
   processing.recipe = lab.recipe.empty() ? live_recipe() : or_usage(read_recipe(lab.recipe, validate_recipe));
   if (laboratory && !processing.recipe.settings.contains("prepare.counts_per_unit")) {
     processing.recipe.settings["prepare.counts_per_unit"] =
         laboratory->film().electrons_per_unit() * laboratory->grey_levels_per_electron(lab.pixel_format);
   }
-  auto client = or_fail(Client::connect(bus, "client", unique_name("planner"), "inproc://dispatcher"));
-  const Rig rig = or_usage(read_rig(lab.rig));
-  processing.rig_id = or_fail(client.ask_for<RigStored>(PutRig{rig}, std::chrono::seconds(10))).rig_id;
-  LivePlanner planner(std::move(client), processing);
+  LivePlanner planner(std::move(dispatcher), processing);
   or_fail(planner.start());
   return planner;
 }
@@ -92,6 +131,8 @@ void run(const Options& options, const Session& session) {
   embedded.dispatcher_endpoints.push_back(endpoints.dispatcher);
   embedded.event_endpoints.push_back(endpoints.events);
   embedded.acquisition.endpoints.push_back(endpoints.acquisition);
+  embedded.calibration = calibration_of(lab);
+  embedded.calibration.endpoints.push_back(endpoints.calibration);
   if (!lab.dispatcher_endpoint.empty()) embedded.dispatcher_endpoints.push_back(lab.dispatcher_endpoint);
   if (!lab.events_endpoint.empty()) embedded.event_endpoints.push_back(lab.events_endpoint);
   if (!lab.acquisition_endpoint.empty()) embedded.acquisition.endpoints.push_back(lab.acquisition_endpoint);
@@ -111,22 +152,36 @@ void run(const Options& options, const Session& session) {
       embedded.acquisition.hooks = {.before = embedded.acquisition.hooks.before, .armed = {}, .finished = {}};
     }
     embedded.acquisition.settings = settings;
+    embedded.calibration = calibration_in(*laboratory, std::move(embedded.calibration));
   }
   const auto services = or_fail(Embedded::start(bus, embedded));
   if (laboratory) {
     ProgressBar bar("light the simulated flame");
     or_fail(laboratory->light_flame([&](int done, int total) { bar.update(done, total); }, session.stop()));
   }
-  auto planner = live_planner(lab, bus, laboratory.get());
+  const auto dispatcher = [&] {
+    return or_fail(Client::connect(bus, "client", unique_name("planner"), "inproc://dispatcher"));
+  };
+  std::optional<LivePlanner> planner;
+  auto asking = dispatcher();
+  std::string rig = rig_in_use(lab, embedded.acquisition, asking);
+  if (!rig.empty()) planner.emplace(live_planner(lab, rig, dispatcher(), laboratory.get()));
   auto operating = or_fail(Operator::connect(bus, "client", "inproc://acquisition", "inproc://dispatcher"));
 
   std::cout << "serving " << lab.data_directory.string() << ": " << embedded.acquisition.cameras.size()
             << (laboratory ? " simulated" : "") << " cameras\n"
             << "live page " << services->page_url() << "\n"
-            << (planner ? "" : "no rig: sets are stored, not reconstructed (--rig rig.yaml)\n")
+            << (planner ? "" : "no rig: sets are stored, not reconstructed (--rig rig.yaml, or calibrate)\n")
             << "Ctrl-C drains and stops" << std::endl;
   while (!session.stop().stop_requested()) {
     if (const auto error = services->failed()) throw CommandFailure{ExitCode::Failed, error->message};
+    if (const std::string accepted = services->accepted_rig(); !accepted.empty() && accepted != rig) {
+      rig = accepted;  // bursts from now on are reconstructed with it
+      if (planner)
+        or_fail(planner->use_rig(rig));
+      else
+        planner.emplace(live_planner(lab, rig, dispatcher(), laboratory.get()));
+    }
     if (planner) {
       if (const auto state =
               operating.acquisition().ask_for<CaptureState>(GetCapture{}, std::chrono::seconds(60))) {

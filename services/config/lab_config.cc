@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <concepts>
+#include <numbers>
 #include <optional>
 #include <set>
 
@@ -160,6 +161,38 @@ void read_capture(KeyReader& keys, LabConfig& lab) {
   keys.take("simulator.flame", lab.simulated_flame);
 }
 
+void read_calibration(KeyReader& keys, LabConfig& lab) {
+  std::string size = concat(lab.board.cols, 'x', lab.board.rows), kind(name_of(lab.board.kind));
+  keys.take("calibration.board", size);
+  keys.take("calibration.square_mm", lab.board.square_mm, 1e-3, 1e4);
+  keys.take("calibration.board_type", kind);
+  keys.take("calibration.marker_mm", lab.board.marker_mm, 0, 1e4);
+  keys.take("calibration.dictionary", lab.board.dictionary);
+  const auto numbers = board_from_text(size, lab.board.square_mm);
+  if (numbers) {
+    lab.board.cols = numbers->cols;
+    lab.board.rows = numbers->rows;
+  } else {
+    keys.refuse("calibration.board", numbers.error().message, "");
+  }
+  if (const auto known = board_kind_from_name(kind)) {
+    lab.board.kind = *known;
+  } else {
+    keys.refuse("calibration.board_type", concat("'", kind, "' is unknown"),
+                suggest(kind, {"checkerboard", "charuco"}));
+  }
+  if (auto ok = validate(lab.board); !ok) keys.refuse("calibration.board_type", ok.error().message, "");
+  if (const auto centre = keys.take_triple("calibration.reference_centre_mm", -1e6, 1e6, false))
+    lab.reference_centre_mm = *centre;
+  double azimuth_deg = 0;
+  keys.take("calibration.reference_azimuth_deg", azimuth_deg, -360, 360);
+  lab.reference_azimuth_rad = azimuth_deg * std::numbers::pi / 180;
+  if (const auto centre = keys.take_triple("calibration.volume_centre_mm", -1e6, 1e6, false))
+    lab.volume_centre_mm = *centre;
+  keys.take("calibration.volume_diameter_mm", lab.volume_diameter_mm, 1e-3, 1e4);
+  keys.take("calibration.volume_height_mm", lab.volume_height_mm, 1e-3, 1e4);
+}
+
 void read_reconstruction(KeyReader& keys, LabConfig& lab) {
   keys.take("reconstruction.rig", lab.rig);
   keys.take("reconstruction.recipe", lab.recipe);
@@ -186,6 +219,7 @@ Result<LabConfig> read_lab_config(const std::filesystem::path& path) {
   keys.take("data_directory", lab.data_directory);
   read_cameras(*file, keys, lab);
   read_capture(keys, lab);
+  read_calibration(keys, lab);
   keys.take("web.host", lab.http_host);
   keys.take("web.port", lab.http_port, 0, 65535);
   keys.take("bus.dispatcher", lab.dispatcher_endpoint);

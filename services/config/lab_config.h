@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "proto/board.h"
 #include "proto/error.h"
 #include "proto/frame.h"
 #include "proto/volume.h"
@@ -50,6 +51,13 @@ struct LabConfig {
   int simulated_cameras = 15;                  // cameras, [1, 64]
   std::uint64_t simulator_seed = 1;            // seed
   std::string simulated_flame = "stratified";  // flame: a phantom's name
+  // [calibration]
+  BoardSpec board;  // board = "9x6", square_mm, board_type, marker_mm, dictionary
+  Eigen::Vector3d reference_centre_mm{0, 0, 0};  // reference_centre_mm = [X, Y, Z]: board on the burner
+  double reference_azimuth_rad = 0;              // reference_azimuth_deg: where its face looks
+  Eigen::Vector3d volume_centre_mm{0, 40, 0};    // volume_centre_mm = [X, Y, Z]: where errors count,
+  double volume_diameter_mm = 60;                // volume_diameter_mm, (0, 10 000]
+  double volume_height_mm = 80;                  // volume_height_mm, (0, 10 000]
   // [web]
   std::string http_host = "127.0.0.1";  // host
   int http_port = 8080;                 // port, [0, 65535]; 0: any free one

@@ -20,6 +20,16 @@ Result<Message> Dispatcher::Impl::on(PutRig& m, const Sender&) {
   return RigStored{*id};
 }
 
+Result<Message> Dispatcher::Impl::on(PutCalibration& m, const Sender&) {
+  const auto stored = ledger.put_calibration(m, utc_now_ns());
+  if (!stored) return tl::unexpected(stored.error());
+  tell("calibration-accepted", stored->rig_id,
+       concat("version ", stored->version, ", ", m.calibration.verdict, ", ", m.calibration.volume_mean_px,
+              " px in the measuring volume, by ", m.calibration.accepted_by),
+       true);
+  return *stored;
+}
+
 Result<Message> Dispatcher::Impl::on(LivePlan& m, const Sender&) {
   if (m.on) {
     if (auto ok = check_processing(ledger, m.processing); !ok) return tl::unexpected(ok.error());

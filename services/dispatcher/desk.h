@@ -58,6 +58,7 @@ struct Dispatcher::Impl {
   // controlling.cc: orders, and questions about them
   Result<> place(const Submit& submit, Submitted& answer);
   Result<Message> on(PutRig& m, const Sender&);
+  Result<Message> on(PutCalibration& m, const Sender&);
   Result<Message> on(LivePlan& m, const Sender&);
   Result<Message> on(Submit& m, const Sender&);
   Result<Message> on(PutMetrics& m, const Sender&);

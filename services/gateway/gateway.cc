@@ -15,6 +15,10 @@ constexpr const char* kPolicy =
     "default-src 'none'; img-src 'self' data: blob:; style-src 'self'; script-src 'self'; connect-src "
     "'self'; "
     "worker-src 'self'; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+// Reports are whole in one file, with their style in it, and run nothing.
+constexpr const char* kReportPolicy =
+    "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; frame-ancestors 'none'; base-uri "
+    "'none'; form-action 'none'";
 constexpr std::string_view kApi = "/api/v1/";
 
 HttpResponse ok(std::string content_type, std::string body) {
@@ -101,6 +105,7 @@ HttpResponse routed(const HttpRequest& request, const Guard& guard, const Gatewa
   if (path == "/metrics" && sources.metrics_text)
     return ok("text/plain; version=0.0.4", sources.metrics_text());
   if (path.starts_with("/volumes/")) return file_in(sources.volumes_folder, path.substr(9));
+  if (path.starts_with("/calibrations/")) return file_in(sources.calibrations_folder, path.substr(14));
   if (path.starts_with("/report/")) return file_in(sources.report_folder, path.substr(8));
   if (auto file = web_file(path)) {
     if (path == "/") {
@@ -131,7 +136,8 @@ HttpResponse answer(const HttpRequest& request, const Guard& guard, const Gatewa
   response.headers.try_emplace("Cache-Control", "no-store");
   response.headers["X-Content-Type-Options"] = "nosniff";
   response.headers["Referrer-Policy"] = "no-referrer";
-  response.headers["Content-Security-Policy"] = kPolicy;
+  const bool is_report = request.path.starts_with("/report/") || request.path.starts_with("/calibrations/");
+  response.headers["Content-Security-Policy"] = is_report ? kReportPolicy : kPolicy;
   return response;
 }
 

@@ -22,12 +22,13 @@ struct GatewaySources {
   std::function<std::optional<HttpResponse>(std::string_view path, const HttpRequest&)> api;
   std::function<std::string()> metrics_text;  // for Prometheus
   std::filesystem::path volumes_folder;       // served below /volumes/
+  std::filesystem::path calibrations_folder;  // reports of sessions, served below /calibrations/
   std::filesystem::path report_folder;        // served below /report/
 };
 
 // The answer to one request, without a socket.
 //   /  /assets/FILE  /metrics  /api/v1/openapi.json  /api/v1/live (WebSocket)  /api/v1/...
-//   /volumes/FILE  /report/FILE
+//   /volumes/FILE  /calibrations/FILE  /report/FILE
 HttpResponse answer(const HttpRequest& request, const Guard& guard, const GatewaySources& sources);
 
 // The pages and their API.

@@ -108,6 +108,29 @@ Result<Rig> Ledger::rig(const std::string& rig_id) {
   });
 }
 
+Result<CalibrationStored> Ledger::put_calibration(const PutCalibration& accepted, std::int64_t now_ns) {
+  const auto rig_id = put_rig(accepted.rig, now_ns);
+  if (!rig_id) return tl::unexpected(rig_id.error());
+  return guarded(impl_->database, [&]() -> Result<CalibrationStored> {
+    auto& last = impl_->sql("SELECT coalesce(max(version), 0) FROM calibrations");
+    last.executeStep();
+    PutCalibration kept{accepted.calibration, accepted.rig};
+    Calibration& c = kept.calibration;
+    c.predecessor = last.getColumn(0).getInt64();
+    last.reset();
+    c.version = c.predecessor + 1;
+    c.rig_id = *rig_id;
+    c.accepted_time_ns = now_ns;
+    impl_->sql.run(
+        "INSERT INTO calibrations(version, predecessor, rig_id, accepted_time_ns, accepted_by, note, "
+        "volume_mean_px, volume_worst_px, verdict, record) VALUES(?1, nullif(?2, 0), ?3, ?4, ?5, ?6, ?7, ?8, "
+        "?9, ?10)",
+        c.version, c.predecessor, c.rig_id, c.accepted_time_ns, c.accepted_by, c.note, c.volume_mean_px,
+        c.volume_worst_px, c.verdict, Blob{encode(kept)});
+    return CalibrationStored{c.version, c.rig_id};
+  });
+}
+
 Result<> Ledger::put_live_plan(const LivePlan& plan) {
   return guarded(impl_->database, [&]() -> Result<> {
     impl_->sql.run(

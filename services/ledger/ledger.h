@@ -99,6 +99,8 @@ class Ledger {
   // --- rigs, plan
   Result<std::string> put_rig(const Rig& rig, std::int64_t now_ns);  // its fingerprint
   Result<Rig> rig(const std::string& rig_id);                        // NotFound
+  // Gives the calibration its version, the one before, rig and time. Nothing is ever overwritten.
+  Result<CalibrationStored> put_calibration(const PutCalibration& accepted, std::int64_t now_ns);
   Result<> put_live_plan(const LivePlan& plan);
   Result<LivePlan> live_plan();
 

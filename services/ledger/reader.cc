@@ -157,6 +157,33 @@ Result<Rig> LedgerReader::rig(const std::string& rig_id) {
   });
 }
 
+Result<std::vector<Calibration>> LedgerReader::calibrations() {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<Calibration>> {
+    std::vector<Calibration> all;
+    auto& row = ledger_->sql("SELECT record FROM calibrations ORDER BY version");
+    while (row.executeStep()) {
+      auto record = record_of<PutCalibration>(row.getColumn(0));
+      if (!record) {
+        row.reset();
+        return tl::unexpected(record.error());
+      }
+      all.push_back(std::move(record->calibration));
+    }
+    row.reset();
+    return all;
+  });
+}
+
+Result<PutCalibration> LedgerReader::calibration(std::int64_t version) {
+  return guarded(ledger_->database, [&]() -> Result<PutCalibration> {
+    auto& row = ledger_->sql("SELECT record FROM calibrations WHERE version = ?1", version);
+    if (!row.executeStep()) return unknown("calibration", concat("version ", version));
+    auto record = record_of<PutCalibration>(row.getColumn(0));
+    row.reset();
+    return record;
+  });
+}
+
 Result<std::vector<Event>> LedgerReader::events(std::int64_t limit) {
   return guarded(ledger_->database, [&]() -> Result<std::vector<Event>> {
     std::vector<Event> events;

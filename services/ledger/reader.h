@@ -92,7 +92,10 @@ class LedgerReader {
   Result<RunRow> run(const std::string& run_id);                   // NotFound
   Result<Receipt> receipt(const std::string& capture);             // NotFound
   Result<std::vector<JobRow>> jobs(std::optional<JobState> state = {});
-  Result<Rig> rig(const std::string& rig_id);                   // NotFound
+  Result<Rig> rig(const std::string& rig_id);  // NotFound
+  // That were accepted, the first one first; and one of them with its rig as it was found (NotFound).
+  Result<std::vector<Calibration>> calibrations();
+  Result<PutCalibration> calibration(std::int64_t version);
   Result<std::vector<Event>> events(std::int64_t limit = 100);  // newest first
 
  private:

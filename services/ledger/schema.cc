@@ -216,6 +216,21 @@ CREATE TABLE capture_counters(                     -- frames-in, delivered, late
 -- All that a page of the table of runs shows, newest first: read without touching the records.
 CREATE INDEX runs_listed ON runs(finished_time_ns, id, capture, first_idx, inputs, solver, worker, rig_id, iterations,
   residual, volume_bytes, started_time_ns);
+)sql",
+    // Calibrations that someone accepted, one after the other.
+    R"sql(
+CREATE TABLE calibrations(
+  version INTEGER PRIMARY KEY CHECK(version > 0),  -- 1, 2, ...
+  predecessor INTEGER REFERENCES calibrations(version),
+  rig_id TEXT NOT NULL REFERENCES rigs(id),
+  accepted_time_ns INTEGER NOT NULL,
+  accepted_by TEXT NOT NULL,
+  note TEXT NOT NULL,
+  volume_mean_px REAL NOT NULL,                    -- error in the measuring volume, as foreseen
+  volume_worst_px REAL NOT NULL,
+  verdict TEXT NOT NULL,
+  record BLOB NOT NULL
+) STRICT;
 )sql"};
 
 }  // namespace

@@ -36,6 +36,7 @@ int threads_for_each(int workers, int threads_per_worker) {
 struct Embedded::Impl {
   std::unique_ptr<Dispatcher> dispatcher;
   std::unique_ptr<Acquisition> acquisition;
+  std::unique_ptr<CalibrationService> calibration;
   std::vector<std::unique_ptr<Worker>> workers;
   std::unique_ptr<Pages> pages;
   std::string page_url;
@@ -44,7 +45,7 @@ struct Embedded::Impl {
   std::optional<Error> failed;
 
   // In the order in which they may stop; each member's thread ends before the ones above it.
-  std::jthread dispatcher_thread, acquisition_thread;
+  std::jthread dispatcher_thread, acquisition_thread, calibration_thread;
   std::vector<std::jthread> worker_threads;
   std::jthread gateway_thread;
 
@@ -72,12 +73,14 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
     HttpServerOptions http;
     http.address = options.http_host;
     http.port = static_cast<std::uint16_t>(options.http_port);
-    auto pages = Pages::open(bus, http,
-                             {.role = "client",
-                              .acquisition = options.acquisition.endpoints.front(),
-                              .dispatcher = options.dispatcher_endpoints.front(),
-                              .data_dir = options.data_dir},
-                             options.report);
+    auto pages = Pages::open(
+        bus, http,
+        {.role = "client",
+         .acquisition = options.acquisition.endpoints.front(),
+         .dispatcher = options.dispatcher_endpoints.front(),
+         .data_dir = options.data_dir,
+         .calibration = options.acquisition.cameras.empty() ? "" : options.calibration.endpoints.front()},
+        options.report);
     if (!pages) return tl::unexpected(pages.error());
     s.pages = std::move(*pages);
     s.page_url = s.pages->url();
@@ -86,6 +89,15 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
     auto acquisition = Acquisition::open(bus, options.acquisition);
     if (!acquisition) return tl::unexpected(acquisition.error());
     s.acquisition = std::move(*acquisition);
+    CalibrationServiceOptions calibration = options.calibration;
+    for (const CameraAddress& camera : options.acquisition.cameras)
+      calibration.cameras.push_back(camera.name);
+    calibration.data_dir = options.data_dir;
+    calibration.acquisition_endpoint = options.acquisition.endpoints.front();
+    calibration.dispatcher_endpoint = options.dispatcher_endpoints.front();
+    auto sessions = CalibrationService::open(bus, calibration);
+    if (!sessions) return tl::unexpected(sessions.error());
+    s.calibration = std::move(*sessions);
   }
 
   s.dispatcher_thread =
@@ -93,6 +105,10 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
   if (s.acquisition) {
     s.acquisition_thread =
         std::jthread([&s](std::stop_token stop) { s.note("acquisition", s.acquisition->run(stop)); });
+    s.calibration_thread = std::jthread([&s](std::stop_token stop) {
+      lower_priority();
+      s.note("calibration", s.calibration->run(stop));
+    });
   }
   const int workers = options.workers > 0 ? options.workers : cores();
   for (int i = 0; i < workers; ++i) {
@@ -123,11 +139,16 @@ Embedded::~Embedded() {
     thread.request_stop();
     if (thread.joinable()) thread.join();
   };
+  end(impl_->calibration_thread);  // gives the cameras back
   end(impl_->acquisition_thread);  // drains into the dispatcher
   for (auto& worker : impl_->worker_threads) worker.request_stop();
   for (auto& worker : impl_->worker_threads) end(worker);
   end(impl_->gateway_thread);
   end(impl_->dispatcher_thread);
+}
+
+std::string Embedded::accepted_rig() const {
+  return impl_->calibration ? impl_->calibration->accepted_rig() : "";
 }
 
 const std::string& Embedded::page_url() const {

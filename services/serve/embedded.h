@@ -7,6 +7,7 @@
 
 #include "services/acquisition/acquisition.h"
 #include "services/bus/bus.h"
+#include "services/calibration/service.h"
 
 namespace flamefield {
 
@@ -14,6 +15,8 @@ struct EmbeddedOptions {
   std::filesystem::path data_dir;
   // Cameras, their settings and what surrounds a capture. No cameras: no acquisition.
   AcquisitionOptions acquisition;
+  // What calibration sessions assume; cameras, data folder and inner endpoints are filled in.
+  CalibrationServiceOptions calibration;
   std::vector<std::string> dispatcher_endpoints = {"inproc://dispatcher"};
   std::vector<std::string> event_endpoints = {"inproc://events"};
   int workers = 0;                      // 0: one a core, which beats one worker with many threads
@@ -33,6 +36,8 @@ class Embedded {
   // Stops in the order of the data's way: cameras, storing, work, page. What was captured is stored first.
   ~Embedded();
 
+  // Fingerprint of the rig that the last accepted session found; empty: none was accepted since the start.
+  std::string accepted_rig() const;
   const std::string& page_url() const;  // empty: no page
 
   // The first service that failed since the start; none while all is well.

@@ -16,7 +16,7 @@ Result<Endpoints> endpoints_of(const std::filesystem::path& data_dir) {
   }
   const auto socket = [&](const char* name) { return "ipc://" + (run / name).string(); };
   return Endpoints{socket("dispatcher.sock"), socket("events.sock"), socket("acquisition.sock"),
-                   run.parent_path() / "keys"};
+                   socket("calibration.sock"), run.parent_path() / "keys"};
 }
 
 }  // namespace flamefield

@@ -13,6 +13,7 @@ struct Endpoints {
   std::string dispatcher;
   std::string events;
   std::string acquisition;
+  std::string calibration;
   std::filesystem::path keys;
 };
 

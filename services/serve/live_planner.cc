@@ -13,6 +13,11 @@ Result<> LivePlanner::start() {
   return {};
 }
 
+Result<> LivePlanner::use_rig(const std::string& rig_id) {
+  processing_.rig_id = rig_id;
+  return start();
+}
+
 Result<> LivePlanner::watch(const CaptureState& state) {
   if (is_capturing(state.phase) || state.id.empty() || state.id == known_ || state.sets == 0) return {};
   known_ = state.id;

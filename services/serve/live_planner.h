@@ -24,6 +24,9 @@ class LivePlanner {
   // Tells the dispatcher the plan as it stands.
   Result<> start();
 
+  // From now on with another rig, which the dispatcher must have.
+  Result<> use_rig(const std::string& rig_id);
+
   // To be called with the array's state now and then; a reference capture that ended enters the plan.
   Result<> watch(const CaptureState& state);
 

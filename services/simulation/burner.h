@@ -31,6 +31,10 @@ class SimulatedBurner {
   // What the experimenter prepares before a capture: caps on for dark, the flame out for background, ...
   void show(CaptureKind kind);
 
+  // Someone holds the board still, pose after pose, instead of turning it with every pulse.
+  void hold_board(bool on);
+  void turn_board();  // to the next pose
+
   // The cameras' view of it. Safe to call from all camera threads while the above change what there is.
   std::shared_ptr<const Image> picture(std::size_t camera, const Pulse& pulse) const;
 
@@ -41,6 +45,8 @@ class SimulatedBurner {
   mutable std::mutex mutex_;  // what follows
   std::shared_ptr<const FlameFilm> film_;
   CaptureKind showing_ = CaptureKind::Dark;
+  bool holds_ = false;
+  std::size_t held_pose_ = 0;
 };
 
 }  // namespace flamefield

@@ -90,6 +90,7 @@ CaptureHooks Laboratory::hooks() {
           .armed =
               [this](CaptureKind kind, std::int64_t pulses) {
                 const bool is_board = kind == CaptureKind::Board;
+                burner_->hold_board(is_board && pulses == 0);
                 array_->generator().start(
                     is_board ? std::min(options_.board_rate_hz, options_.rate_hz) : options_.rate_hz, pulses);
               },

@@ -40,6 +40,8 @@ class Laboratory {
 
   SimulatedArray& array() { return *array_; }
   const SimulatedArray& array() const { return *array_; }
+  // While a capture of the board runs without an end, its pose stays until this is called.
+  void turn_board() { burner_->turn_board(); }
   // What stands in front of the cameras, from the next pulse on.
   void show(CaptureKind kind) { burner_->show(kind); }
   const Rig& true_rig() const { return true_rig_; }

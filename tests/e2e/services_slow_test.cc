@@ -66,6 +66,33 @@ class Services : public testing::Test {
   Scratch scratch_;
 };
 
+TEST_F(Services, ServeGuidesACalibrationAndKeepsItsHistory) {
+  Process server = serve();
+  ASSERT_TRUE(answers()) << log("serve.log");
+  EXPECT_TRUE(json("calibrate history").empty());
+  const ProgramResult result = flamefield_here(
+      "calibrate session --automatic --poses 8 --accept --by tester --note 'first light' --out new.yaml "
+      "--json");
+  ASSERT_EQ(result.exit_code, 0) << result.err << log("serve.log");
+  const auto state = nlohmann::json::parse(result.out);
+  EXPECT_EQ(state["state"], "idle");
+  EXPECT_EQ(state["accepted_version"], 1);
+  EXPECT_GE(state["poses"], 8);
+  EXPECT_TRUE(state["links_missing"].empty());
+  EXPECT_NE(result.err.find("put the board into its holder"), std::string::npos) << result.err;
+  EXPECT_NE(result.err.find("-> take "), std::string::npos) << result.err;
+  EXPECT_TRUE(std::filesystem::exists(scratch_ / "data" / state["report"].get<std::string>()));
+  const auto history = json("calibrate history");
+  ASSERT_EQ(history.size(), 1u);
+  EXPECT_EQ(history[0]["note"], "first light");
+  EXPECT_TRUE(history[0]["predecessor"].is_null());
+  ASSERT_EQ(flamefield_here("calibrate history --version 1 --out old.yaml").exit_code, 0);
+  EXPECT_EQ(log("new.yaml"), log("old.yaml"));
+  EXPECT_EQ(flamefield_here("calibrate history --version 2 --out none.yaml").exit_code, 1);
+  // The pictures that it was made of are a capture like any other.
+  EXPECT_EQ(json("runs list --captures").size(), 1u);
+}
+
 TEST_F(Services, ServeCapturesAndKeepsItsBooks) {
   Process server = serve();
   ASSERT_TRUE(answers()) << log("serve.log");

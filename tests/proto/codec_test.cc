@@ -94,6 +94,39 @@ Lease some_lease() {
   return lease;
 }
 
+CalibrationState some_calibration_state() {
+  CalibrationState state;
+  state.phase = CalibrationPhase::Solved;
+  state.id = "20260301T101500-calibration";
+  state.automatic = state.still = true;
+  state.wanted_poses = 20;
+  state.poses = 3;
+  state.message = "pose002 taken";
+  state.cameras = {{"cam00", true, "", {1.5, 2.5}, 3, 0.5, {true, false}, {1, 2, 3, 4}, 0.02, 1.5, true}};
+  state.needed = {"tilt the board towards cam01"};
+  state.links_missing = {{"cam00", "cam01"}};
+  state.verdict = "green";
+  state.moved = {"cam00"};
+  state.report = "calibrations/a/report.html";
+  return state;
+}
+
+Calibration some_calibration() {
+  Calibration c;
+  c.version = 3;
+  c.predecessor = 2;
+  c.accepted_by = "me";
+  c.note = "why";
+  c.capture = "20260301T101500-calibration";
+  c.poses = 20;
+  c.rms_px = 0.05;
+  c.volume_mean_px = 0.01;
+  c.volume_worst_px = 0.02;
+  c.verdict = "green";
+  c.moved = {"cam00"};
+  return c;
+}
+
 std::vector<Message> one_of_each() {
   Submit submit;
   submit.captures = {"burst"};
@@ -162,7 +195,17 @@ std::vector<Message> one_of_each() {
           JobsControlled{2, 1},
           GetJobs{JobState::Failed, 5, 20},
           Jobs{{{3, "run", JobState::Failed, Priority::Scheduled, "me", 5, 2, "w1", 17, "out of memory"}}},
-          StandBy{}};
+          StandBy{},
+          StartCalibration{BoardSpec{9, 6, 12, BoardKind::Charuco, 8, "4X4_50"}, Eigen::Vector3d(1, 2, 3),
+                           0.5, 12, true},
+          TakePose{},
+          SolveCalibration{},
+          AcceptCalibration{"me", "why"},
+          DiscardCalibration{},
+          GetCalibration{},
+          some_calibration_state(),
+          PutCalibration{some_calibration(), small_rig()},
+          CalibrationStored{3, "abc"}};
 }
 
 TEST(Codec, EveryMessageSurvivesARoundTrip) {

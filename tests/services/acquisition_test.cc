@@ -150,6 +150,33 @@ TEST_F(AcquisitionTest, BurstFromStandbyThatIsStoppedDrainsWhatWasTriggered) {
   EXPECT_EQ(receipt.sets, stopped.sets);
 }
 
+TEST_F(AcquisitionTest, PicturesThatAreOnlyShownLeaveNothingBehind) {
+  open(tiny_array(2), 20);
+  auto client = Client::connect(bus_, "client", unique_name("test"), "inproc://acquisition").value();
+  const StartCapture shown{
+      .kind = CaptureKind::Board, .pulses = 0, .id = "look", .pre_pulses = 0, .store = false};
+  StartCapture counted = shown;
+  counted.pulses = 3;
+  EXPECT_FALSE(client.ask(counted, 10s)) << "they are shown until stopped";
+  const auto began = client.ask_for<CaptureState>(shown, 30s);
+  ASSERT_TRUE(began) << began.error().message;
+  EXPECT_EQ(began->phase, CapturePhase::Armed);
+  EXPECT_FALSE(client.ask(shown, 10s)) << "the array is in use";
+  EXPECT_TRUE(eventually([&] {
+    const auto newest = client.ask_for<SetData>(GetPreview{""}, 10s);
+    return newest && newest->set.pulse >= 5 && newest->set.frames.size() == 2;
+  }));
+  const auto ended = client.ask_for<CaptureState>(StopCapture{}, 30s);
+  ASSERT_TRUE(ended) << ended.error().message;
+  EXPECT_EQ(ended->phase, CapturePhase::Idle);
+  EXPECT_EQ(ended->sets, 0);
+  EXPECT_TRUE(LedgerReader::open(scratch_ / "data")->captures()->empty());
+  // And the next burst is like any other.
+  const CaptureState burst = capturer_->capture({.kind = CaptureKind::Burst, .pulses = 4});
+  EXPECT_EQ(burst.sets_stored, 4);
+  EXPECT_TRUE(receipt_of(burst.id).balances());
+}
+
 TEST_F(AcquisitionTest, CaptureThatAnEarlierProgramLeftOpenIsClosedWithWhatItHadSeen) {
   {
     auto journal = CaptureJournal::open(scratch_ / "capture.journal");

@@ -307,6 +307,34 @@ TEST(Ledger, CaptureSaysHowItEndedAndWhatItsCamerasWereSetTo) {
   EXPECT_EQ(receipt.cameras.at(0).counters.at("frames-in"), 9);
 }
 
+TEST(Ledger, AcceptedCalibrationsAreCountedAndNoneIsOverwritten) {
+  const Scratch scratch;
+  Rig rig = make_rig();
+  {
+    Ledger ledger = open_filled(scratch, 0);
+    PutCalibration accepted{.calibration = {}, .rig = rig};
+    accepted.calibration.version = 17;  // the ledger counts, not the sender
+    accepted.calibration.accepted_by = "me";
+    ASSERT_EQ(ledger.put_calibration(accepted, kNow)->version, 1);
+    rig.cameras[0].fx_px += 1;
+    accepted.rig = rig;
+    ASSERT_EQ(ledger.put_calibration(accepted, kNow + 1)->version, 2);
+    ASSERT_EQ(ledger.put_calibration(accepted, kNow + 2)->version, 3)
+        << "the same rig once more is a version, too";
+  }
+  auto reader = LedgerReader::open(scratch.path());
+  ASSERT_TRUE(reader);
+  const auto all = reader->calibrations().value();
+  ASSERT_EQ(all.size(), 3u);
+  EXPECT_EQ(all[0].predecessor, 0);
+  EXPECT_EQ(all[2].predecessor, 2);
+  EXPECT_EQ(all[1].accepted_time_ns, kNow + 1);
+  EXPECT_EQ(all[1].rig_id, fingerprint(rig));
+  EXPECT_NE(all[0].rig_id, all[1].rig_id);
+  EXPECT_EQ(reader->calibration(2)->rig.cameras[0].fx_px, rig.cameras[0].fx_px);
+  EXPECT_EQ(reader->calibration(4).error().code, ErrorCode::NotFound);
+}
+
 TEST(Ledger, ALedgerOfANewerProgramIsLeftAlone) {
   Scratch scratch;
   { Ledger ledger = open_filled(scratch, 0); }

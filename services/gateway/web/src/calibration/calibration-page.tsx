@@ -20,22 +20,22 @@ async function newestRig(signal: AbortSignal): Promise<{ rig: Rig; size_mm: numb
 }
 
 async function history(signal: AbortSignal): Promise<Accepted[]> {
-  return (await get<{ calibrations: Accepted[] }>("calibrations", signal).catch(() => ({ calibrations: [] }))).calibrations;
+  return (await get<{ calibrations: Accepted[] }>("calibrations", signal)).calibrations;
 }
 
 // Which calibration held when, and whether the ring drifts.
 function History({ accepted }: { accepted: Accepted[] }) {
   return (
     <Card title="History and drift" class="wide">
-      {accepted.length > 1 && <Plot label="Expected error in the volume of each accepted calibration" x={accepted.map((a) => a.version)} xLabel="calibration" yLabel="error in the volume (px)" fromZero curves={[
-        { name: "worst", values: accepted.map((a) => a.volume_error_px.worst), colour: "--series1" }, { name: "mean", values: accepted.map((a) => a.volume_error_px.mean), colour: "--series2", dash: [6, 4] },
+      {accepted.length > 1 && <Plot label="Largest shift of a camera since the calibration before, and expected error, of each accepted calibration" x={accepted.map((_, i) => i)} names={accepted.map((a) => String(a.version))} xLabel="calibration" yLabel="in the volume (px)" fromZero curves={[
+        { name: "largest shift since the one before", values: accepted.map((a) => a.worst_shift_px), colour: "--series1", bars: true }, { name: "expected error, worst camera", values: accepted.map((a) => a.volume_error_px.worst), colour: "--series2" },
       ]} />}
       <div class="scroll" tabIndex={0} role="region" aria-label="Accepted calibrations">
         <table>
-          <thead><tr><th scope="col" class="n">Version</th><th scope="col">Accepted</th><th scope="col">By</th><th scope="col">Verdict</th><th scope="col" class="n">Poses</th><th scope="col" class="n">RMS (px)</th><th scope="col" class="n">Volume, worst (px)</th><th scope="col">Moved since the one before</th><th scope="col">Note</th></tr></thead>
+          <thead><tr><th scope="col" class="n">Version</th><th scope="col">Accepted</th><th scope="col">By</th><th scope="col">Verdict</th><th scope="col" class="n">Poses</th><th scope="col" class="n">RMS (px)</th><th scope="col" class="n">Volume, worst (px)</th><th scope="col" class="n">Largest shift (px)</th><th scope="col">Moved since the one before</th><th scope="col">Note</th><th scope="col">Report</th></tr></thead>
           <tbody>{[...accepted].reverse().map((a) => (
             <tr key={a.version}><th scope="row" class="n">{a.version}</th><td><Time utc={new Date(a.accepted_time_ns / 1e6).toISOString()} /></td><td>{a.accepted_by}</td><td class={kVerdicts[a.verdict]?.class}>{kVerdicts[a.verdict]?.mark} {kVerdicts[a.verdict]?.text ?? a.verdict}</td>
-              <td class="n">{a.poses}</td><td class="n">{significant(a.rms_px)}</td><td class="n">{significant(a.volume_error_px.worst)}</td><td>{a.moved_cameras.join(", ") || "none"}</td><td>{a.note}</td></tr>
+              <td class="n">{a.poses}</td><td class="n">{significant(a.rms_px)}</td><td class="n">{significant(a.volume_error_px.worst)}</td><td class="n">{a.worst_shift_px === null ? "–" : `${significant(a.worst_shift_px)} (${a.most_shifted})`}</td><td>{a.predecessor === null ? "–" : a.moved_cameras.join(", ") || "none"}</td><td>{a.note}</td><td>{a.capture && <a href={`/calibrations/${encodeURIComponent(a.capture)}/report.html`} target="_blank" rel="noreferrer">report</a>}</td></tr>
           ))}</tbody>
         </table>
       </div>
@@ -52,7 +52,7 @@ export function CalibrationPage() {
       <Session onAccepted={() => setTurn(turn + 1)} />
       {found.error && <Problem text={found.error} again={found.again} />}
       {found.loading && !found.value && <Loading what="calibration" />}
-      {!found.loading && !found.error && !found.value && <Empty title="No calibration in use yet.">Hold a session above, or show the board with flamefield capture board --pulses 24, solve it with flamefield calibrate solve, and start flamefield serve --rig rig.yaml.</Empty>}
+      {!found.loading && !found.error && !found.value && <Empty title="No calibration is in use yet.">Hold a session above, or show the board with flamefield capture board --pulses 24, solve it with flamefield calibrate solve, and start flamefield serve --rig rig.yaml.</Empty>}
       {accepted.value && accepted.value.length > 0 && <History accepted={accepted.value} />}
       {found.value && <InUse {...found.value} />}
     </div>
@@ -66,7 +66,7 @@ function InUse({ rig, size_mm }: { rig: Rig; size_mm: number[] }) {
     <>
       <Card title="Ring" aside={<span class="dim">rig {rig.id}</span>}>
         <RingView rig={rig} size_mm={size_mm} />
-        <p class="note">Seen from above and from the side. The box is the reconstructed volume.{known.length > 0 && " Circles are a hundred times the standard deviation of a camera's position."}</p>
+        <p class="note">{size_mm[0] > 0 ? "The box is the reconstructed volume." : "The cylinder is 60 mm wide and 80 mm high."} Pyramids show what a camera sees.</p>
       </Card>
       <Card title="Reprojection error by camera">
         {known.length > 0

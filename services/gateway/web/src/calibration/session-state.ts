@@ -32,6 +32,12 @@ export interface SessionState {
   moved_cameras: string[];
   accepted_version: number;
   report: string;
+  board: string;
+}
+// Where no service holds sessions.
+export interface Unavailable {
+  state: "unavailable";
+  why: string;
 }
 export interface Accepted {
   version: number;
@@ -46,6 +52,8 @@ export interface Accepted {
   volume_error_px: { mean: number; worst: number; camera: string };
   verdict: string;
   moved_cameras: string[];
+  worst_shift_px: number | null;
+  most_shifted: string;
 }
 export const kVerdicts: Record<string, { mark: string; class: string; text: string }> = {
   green: { mark: "✓", class: "good", text: "good" },

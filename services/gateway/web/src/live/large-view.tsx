@@ -1,3 +1,4 @@
+import type { ComponentChildren } from "preact";
 import { useEffect, useRef, useState } from "preact/hooks";
 import type { FrameHead, Message } from "../api";
 import { maps, type MapName } from "../colour";
@@ -13,8 +14,9 @@ export function levelsOf(message: Message<FrameHead>): Levels {
   return { head, values: wide ? new Uint16Array(payload.buffer, payload.byteOffset, payload.byteLength / 2) : payload };
 }
 
-// One frame with every pixel, a cross that mouse and arrow keys move, and the grey level under it.
-export function FrameView({ levels, map, stretch }: { levels: Levels | null; map: MapName; stretch: boolean }) {
+// One frame with every pixel, a cross that mouse and arrow keys move, and the grey level under it. What is drawn over it
+// may be given as children.
+export function FrameView({ levels, map, stretch, children }: { levels: Levels | null; map: MapName; stretch: boolean; children?: ComponentChildren }) {
   const canvas = useRef<HTMLCanvasElement>(null);
   const [cross, setCross] = useState<{ x: number; y: number } | null>(null);
   useEffect(() => {
@@ -48,6 +50,7 @@ export function FrameView({ levels, map, stretch }: { levels: Levels | null; map
     <div class="frame-view">
       <div class="frame" tabIndex={0} role="application" aria-label={camera ? `Frame of ${camera.name}. Arrow keys move the cross, with shift by ten pixels.` : "No frame yet"} onMouseMove={place} onKeyDown={move}>
         <canvas ref={canvas} style={{ aspectRatio: camera ? `${camera.full_width} / ${camera.full_height}` : "4 / 3" }} />
+        {levels && children}
         {cross && camera && (
           <svg viewBox={`0 0 ${camera.full_width} ${camera.full_height}`} preserveAspectRatio="none" aria-hidden="true">
             <path d={`M0 ${cross.y + 0.5}H${camera.full_width}M${cross.x + 0.5} 0V${camera.full_height}`} class="cross" vector-effect="non-scaling-stroke" />
@@ -65,12 +68,12 @@ export function FrameView({ levels, map, stretch }: { levels: Levels | null; map
   );
 }
 
-export function LiveFrame({ camera, map, stretch }: { camera: string; map: MapName; stretch: boolean }) {
+export function LiveFrame({ camera, map, stretch, children }: { camera: string; map: MapName; stretch: boolean; children?: ComponentChildren }) {
   const [levels, setLevels] = useState<Levels | null>(null);
   useEffect(() => setLevels(null), [camera]);
   useTopic<FrameHead>(camera ? `frame:${camera}` : null, (message) => {
     setLevels(levelsOf(message));
     shown("frame", message.head.pulse_time_ns, message.head.complete_time_ns);
   });
-  return <FrameView levels={levels} map={map} stretch={stretch} />;
+  return <FrameView levels={levels} map={map} stretch={stretch}>{children}</FrameView>;
 }
