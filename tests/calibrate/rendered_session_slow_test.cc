@@ -13,8 +13,8 @@ namespace flamefield {
 namespace {
 
 // From pictures to rig: 15 cameras, 24 poses, 8 bits, shot and read noise, blur, shading, lens distortion.
-TEST(RenderedSession, GivesTheTrueRigWithinATenthOfAPixel) {
-  const std::uint64_t seed = 2;
+// Returns the foreseen and the true error in the measuring volume.
+std::pair<double, double> expect_true_rig(std::uint64_t seed) {
   SCOPED_TRACE(seed);
   const Rig truth = ring_with_tolerances({.seed = seed});
   const std::vector<Rigid3> poses = board_poses({.count = 24, .seed = seed});
@@ -30,7 +30,8 @@ TEST(RenderedSession, GivesTheTrueRigWithinATenthOfAPixel) {
   const std::clock_t start = std::clock();
   const auto detections = detect(views, scene.board);
   const double detect_s = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
-  ASSERT_TRUE(detections);
+  EXPECT_TRUE(detections);
+  if (!detections) return {};
 
   double sum = 0;
   std::size_t corners = 0, visible = 0, found = 0;
@@ -43,7 +44,8 @@ TEST(RenderedSession, GivesTheTrueRigWithinATenthOfAPixel) {
       found += detection.found();
     }
     if (!detection.found()) continue;
-    ASSERT_TRUE(expected) << detection.camera << ' ' << detection.pose << ": found what cannot be seen";
+    EXPECT_TRUE(expected) << detection.camera << ' ' << detection.pose << ": found what cannot be seen";
+    if (!expected) return {};
     for (std::size_t i = 0; i < expected->size(); ++i, ++corners) {
       sum += ((*expected)[i] - detection.corners_px[i]).squaredNorm();
     }
@@ -53,22 +55,35 @@ TEST(RenderedSession, GivesTheTrueRigWithinATenthOfAPixel) {
   EXPECT_LT(detection_rms_px, 0.08);
 
   const auto report = calibrate(*detections, scene.board, {.world_from_reference = poses[0]});
-  ASSERT_TRUE(report) << report.error().message;
+  EXPECT_TRUE(report) << report.error().message;
+  if (!report) return {};
   const auto error = volume_error_px(report->rig, truth, {});
-  ASSERT_TRUE(error);
+  EXPECT_TRUE(error);
   std::printf("%zu images: detection %.1f CPU-s, corner error %.4f px RMS (%zu corners); solve %.2f s\n",
               views.size(), detect_s, detection_rms_px, corners, report->seconds);
   std::printf("rms %.4f px, volume error %.4f px, worst %.4f px (%s), expected %.4f px\n", report->rms_px,
               error->mean_px, error->worst_px, error->worst_camera.c_str(),
               report->expected_volume_error.mean_px);
   const auto aligned = volume_error_px(report->rig, truth, {}, Alignment::Rigid);
-  ASSERT_TRUE(aligned);
+  EXPECT_TRUE(aligned);
   std::printf("clustering %.2f; without the world frame's share %.4f px, worst %.4f px\n", report->clustering,
               aligned->mean_px, aligned->worst_px);
-  // What whole views have in common is in the expectation, too.
-  EXPECT_LT(error->mean_px, 2 * report->expected_volume_error.mean_px);
   EXPECT_LT(error->mean_px, 0.1);
   EXPECT_LT(error->worst_px, 0.2);
+  return {report->expected_volume_error.mean_px, error->mean_px};
+}
+
+TEST(RenderedSession, GivesTheTrueRigWithinATenthOfAPixelAndForeseesItsError) {
+  double foreseen = 0, true_error = 0;  // squares: one session's error is one draw
+  for (std::uint64_t seed : {2, 3, 4}) {
+    const auto [of_session, truth] = expect_true_rig(seed);
+    foreseen += of_session * of_session;
+    true_error += truth * truth;
+  }
+  const double honesty = std::sqrt(foreseen / true_error);
+  std::printf("foreseen over true error %.2f\n", honesty);
+  EXPECT_GT(honesty, 0.7);
+  EXPECT_LT(honesty, 1.4);
 }
 
 // Boards in random places up to 60 degrees off, sharp and blurred.
