@@ -203,11 +203,17 @@ Detection detect_board(const BoardView& view, const BoardSpec& board) {
     return out;
   }
   const CornerRegion region = corner_region(bytes);
+  cv::theRNG() = cv::RNG(1);  // OpenCV's detector draws samples: the same picture has the same corners
   std::vector<cv::Point2f> points;
   if (2 * region.candidates() >= static_cast<int>(board.corners()))
     points = find_corners(bytes, board, with_rim(region.box, bytes.size()));
   if (points.size() != board.corners()) {
     out.reason = why_not_found(grey, bytes, region, board);
+    return out;
+  }
+  if (!is_grid(bytes, points, board)) {
+    out.reason = concat("another board: what was found makes no grid of ", board.cols, "x", board.rows,
+                        " inner corners");
     return out;
   }
   if (const auto larger = larger_board(bytes, points, board)) {

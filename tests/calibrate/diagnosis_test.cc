@@ -72,6 +72,14 @@ TEST(Diagnosis, APartOfALargerBoardIsNotTakenForTheBoard) {
   EXPECT_THAT(reason(image, {8, 6, 12}), HasSubstr("looked for 8x6 inner corners, found "));
 }
 
+TEST(Diagnosis, NoSmallerSizeIsFoundInALargerBoard) {
+  for (const double angle : {0.0, 20.0}) {
+    const Image image = picture(facing(angle), 0.7, 1, {9, 6, 12});
+    for (const auto& [cols, rows] : {std::array{8, 5}, std::array{7, 5}, std::array{7, 4}, std::array{5, 4}})
+      EXPECT_NE(reason(image, {cols, rows, 12}), "found") << cols << 'x' << rows << " at " << angle;
+  }
+}
+
 // Which part of it was found, nobody could tell.
 TEST(LargerBoard, IsNamedWhereverThePartLiesInIt) {
   const BoardSpec board{9, 6, 12};
