@@ -111,6 +111,9 @@ struct Run {
   std::map<std::string, double> metrics;            // e.g. pearson_3d against a known truth
   std::vector<std::string> provenance;              // one line per preparation step
   std::vector<HistoryPoint> history;                // of the solve, at most kRunHistory points
+  std::string volume_sha256, projections_sha256;    // of the files, hexadecimal
+  std::int64_t projections_bytes = 0;
+  std::int64_t seed = 0;  // of the stochastic solvers
   RunTimings timings;
   std::string host;  // where it was made
   int threads = 0;

@@ -13,6 +13,7 @@
 #include "proto/frame.h"
 #include "proto/job.h"
 #include "proto/rig.h"
+#include "proto/upkeep.h"
 
 // What travels on the bus. A request carries a number that its reply repeats; the pixels of a frame set
 // follow the header as raw message parts, one per frame in the set's order.
@@ -180,7 +181,8 @@ using Message =
                  Fail, Accepted, Rejected, Event, StartCapture, StopCapture, GetCapture, GetPreview,
                  CaptureState, ControlJobs, JobsControlled, GetJobs, Jobs, StandBy, StartCalibration,
                  TakePose, SolveCalibration, AcceptCalibration, DiscardCalibration, GetCalibration,
-                 CalibrationState, PutCalibration, CalibrationStored>;
+                 CalibrationState, PutCalibration, CalibrationStored, PutTags, AcceptRig, PutSchedule,
+                 DropSchedule, ScheduleRan, Retire>;
 
 struct Envelope {
   std::uint64_t request = 0;  // 0: no reply expected

@@ -85,7 +85,16 @@ constexpr auto kRows = std::make_tuple(
     row<PutCalibration>(v1::Envelope::kPutCalibration, &v1::Envelope::put_calibration,
                         &v1::Envelope::mutable_put_calibration),
     row<CalibrationStored>(v1::Envelope::kCalibrationStored, &v1::Envelope::calibration_stored,
-                           &v1::Envelope::mutable_calibration_stored));
+                           &v1::Envelope::mutable_calibration_stored),
+    row<PutTags>(v1::Envelope::kPutTags, &v1::Envelope::put_tags, &v1::Envelope::mutable_put_tags),
+    row<AcceptRig>(v1::Envelope::kAcceptRig, &v1::Envelope::accept_rig, &v1::Envelope::mutable_accept_rig),
+    row<PutSchedule>(v1::Envelope::kPutSchedule, &v1::Envelope::put_schedule,
+                     &v1::Envelope::mutable_put_schedule),
+    row<DropSchedule>(v1::Envelope::kDropSchedule, &v1::Envelope::drop_schedule,
+                      &v1::Envelope::mutable_drop_schedule),
+    row<ScheduleRan>(v1::Envelope::kScheduleRan, &v1::Envelope::schedule_ran,
+                     &v1::Envelope::mutable_schedule_ran),
+    row<Retire>(v1::Envelope::kRetire, &v1::Envelope::retire, &v1::Envelope::mutable_retire));
 static_assert(std::tuple_size_v<decltype(kRows)> == std::variant_size_v<Message>);
 
 template <class M>

@@ -85,6 +85,10 @@ void write(const Run& run, v1::Run* wire) {
   wire->set_write_s(run.timings.write_s);
   wire->set_started_time_ns(run.started_time_ns);
   wire->set_finished_time_ns(run.finished_time_ns);
+  wire->set_volume_sha256(run.volume_sha256);
+  wire->set_projections_sha256(run.projections_sha256);
+  wire->set_projections_bytes(run.projections_bytes);
+  wire->set_seed(run.seed);
   wire->set_host(run.host);
   wire->set_threads(run.threads);
   wire->set_estimated_s(run.estimated_s);
@@ -119,6 +123,11 @@ void read(const v1::Run& wire, Run& run, Check& check) {
   run.timings = {wire.queue_s(), wire.fetch_s(), wire.prepare_s(), wire.solve_s(), wire.write_s()};
   run.started_time_ns = wire.started_time_ns();
   run.finished_time_ns = wire.finished_time_ns();
+  run.volume_sha256 = wire.volume_sha256();
+  run.projections_sha256 = wire.projections_sha256();
+  run.projections_bytes = wire.projections_bytes();
+  run.seed = wire.seed();
+  check.count(run.projections_bytes, "projections bytes");
   run.host = wire.host();
   run.threads = wire.threads();
   run.estimated_s = wire.estimated_s();

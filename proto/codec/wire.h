@@ -188,6 +188,22 @@ void read(const v1::PutCalibration& wire, PutCalibration& m, Check& check);
 void write(const CalibrationStored& m, v1::CalibrationStored* wire);
 void read(const v1::CalibrationStored& wire, CalibrationStored& m, Check& check);
 
+// upkeep.cc
+void write(const PutTags& m, v1::PutTags* wire);
+void read(const v1::PutTags& wire, PutTags& m, Check& check);
+void write(const AcceptRig& m, v1::AcceptRig* wire);
+void read(const v1::AcceptRig& wire, AcceptRig& m, Check& check);
+void write(const Schedule& m, v1::Schedule* wire);
+void read(const v1::Schedule& wire, Schedule& m, Check& check);
+void write(const PutSchedule& m, v1::PutSchedule* wire);
+void read(const v1::PutSchedule& wire, PutSchedule& m, Check& check);
+void write(const DropSchedule& m, v1::DropSchedule* wire);
+void read(const v1::DropSchedule& wire, DropSchedule& m, Check& check);
+void write(const ScheduleRan& m, v1::ScheduleRan* wire);
+void read(const v1::ScheduleRan& wire, ScheduleRan& m, Check& check);
+void write(const Retire& m, v1::Retire* wire);
+void read(const v1::Retire& wire, Retire& m, Check& check);
+
 // replies.cc
 void write(const Error& error, v1::Error* wire);
 void read(const v1::Error& wire, Error& error, Check& check);

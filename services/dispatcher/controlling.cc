@@ -101,6 +101,7 @@ Result<Message> Dispatcher::Impl::on(GetStatus&, const Sender&) {
   status->program_version = program_version();
   status->workers = roster.status(Clock::now());
   status->counters = counters;
+  status->counters.merge(bus.counters());
   status->paused = queue.paused_all();
   for (const Priority priority : {Priority::Live, Priority::Interactive, Priority::Scheduled})
     status->queued_by_priority[std::string(name_of(priority))] = queue.size(priority);

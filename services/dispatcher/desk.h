@@ -26,8 +26,8 @@ struct Dispatcher::Impl {
     bool in_process;
   };
 
-  Impl(Bus& bus, const DispatcherOptions& o, Ledger l, Spool s)
-      : options(o), ledger(std::move(l)), spool(std::move(s)), router(bus), publisher(bus) {}
+  Impl(Bus& b, const DispatcherOptions& o, Ledger l, Spool s)
+      : bus(b), options(o), ledger(std::move(l)), spool(std::move(s)), router(b), publisher(b) {}
 
   // dispatcher.cc: rounds
   Result<> start();
@@ -65,12 +65,21 @@ struct Dispatcher::Impl {
   Result<Message> on(ControlJobs& m, const Sender&);
   Result<Message> on(GetJobs& m, const Sender&);
   Result<Message> on(GetStatus& m, const Sender&);
+
+  // keeping.cc: upkeep
+  Result<Message> on(PutTags& m, const Sender&);
+  Result<Message> on(AcceptRig& m, const Sender&);
+  Result<Message> on(PutSchedule& m, const Sender&);
+  Result<Message> on(DropSchedule& m, const Sender&);
+  Result<Message> on(ScheduleRan& m, const Sender&);
+  Result<Message> on(Retire& m, const Sender&);
   std::string why(std::int64_t job_id, const std::string& last_failure) const;
   template <class Other>
   Result<Message> on(Other&, const Sender&) {
     return invalid_input("message to the dispatcher", "it is an answer, not a question", "drop it");
   }
 
+  Bus& bus;
   DispatcherOptions options;
   Ledger ledger;
   Spool spool;
@@ -82,6 +91,7 @@ struct Dispatcher::Impl {
   CostModel costs;
   std::vector<Letter> letters;            // sent when the round is durable
   std::vector<Event> news;                // published likewise
+  std::vector<std::string> retired;       // files, removed likewise
   bool names_unsynced = false;            // results were renamed in this round
   std::vector<std::int64_t> undelivered;  // leases whose worker had gone
   bool unsure = false;                    // a commit failed: memory and ledger may differ

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "proto/utc.h"
+#include "services/bus/roles.h"
 #include "services/dispatcher/desk.h"
 #include "services/log/log.h"
 
@@ -17,21 +18,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::chrono::milliseconds kTick{50};
-
-// What each kind of peer may ask for; "local" is a thread of our own process.
-bool may(const std::string& role, const Message& message) {
-  const bool of_worker = std::holds_alternative<Ready>(message) ||
-                         std::holds_alternative<FetchSet>(message) ||
-                         std::holds_alternative<Heartbeat>(message) ||
-                         std::holds_alternative<Finish>(message) || std::holds_alternative<Fail>(message);
-  const bool of_producer =
-      std::holds_alternative<PutSet>(message) || std::holds_alternative<PutCapture>(message);
-  if (role == "local") return true;
-  if (role == "worker") return of_worker;
-  if (role == "producer") return !of_worker;
-  if (std::holds_alternative<FetchSet>(message)) return role == "client";  // pages show what was recorded
-  return role == "client" && !of_worker && !of_producer;
-}
 
 // Files of attempts that no lease covers any more.
 void remove_staged(const fs::path& directory) {
@@ -48,6 +34,11 @@ void sync_directory(const fs::path& directory) {
   if (fd < 0) return;
   ::fsync(fd);
   ::close(fd);
+}
+
+void remove_files(const fs::path& data_dir, const std::vector<std::string>& files) {
+  std::error_code problem;
+  for (const std::string& file : files) fs::remove(data_dir / file, problem);
 }
 
 }  // namespace
@@ -101,6 +92,7 @@ Result<> Dispatcher::Impl::start() {
   if (auto ok = reload(); !ok) return ok;
   if (auto ok = transaction->commit(); !ok) return ok;
   remove_staged(options.data_dir / "volumes");
+  if (const auto files = ledger.retired_files()) remove_files(options.data_dir, *files);
   for (const std::string& endpoint : options.endpoints) {
     if (auto ok = router.bind(endpoint); !ok) return ok;
     endpoints.push_back(router.bound_endpoint());
@@ -141,7 +133,11 @@ void Dispatcher::Impl::round(std::optional<Delivery> first) {
   if (!first && !due) return;
   letters.clear();
   news.clear();
-  if (const auto written = write_round(first); !written) refuse_round(first, written.error(), now);
+  retired.clear();
+  if (const auto written = write_round(first); !written)
+    refuse_round(first, written.error(), now);
+  else
+    remove_files(options.data_dir, retired);
   for (const Letter& letter : letters) {
     if (auto ok = router.send(letter.peer, letter.message, letter.request); ok) continue;
     ++counters["replies_undeliverable"];
@@ -193,7 +189,7 @@ void Dispatcher::Impl::answer(Delivery& delivery) {
   if (!delivery.message) {
     ++counters["messages_malformed"];
     reply = tl::unexpected(delivery.message.error());
-  } else if (!may(delivery.role, *delivery.message)) {
+  } else if (!may_send(delivery.role, *delivery.message)) {
     ++counters["messages_forbidden"];
     reply = invalid_input("message to the dispatcher", concat("a ", delivery.role, " may not send it"),
                           "use the key of the right role");

@@ -19,7 +19,7 @@ class SetSender {
     std::size_t max_unacked = 64;  // then offer() says Unavailable
     std::chrono::milliseconds resend_after{3'000};
   };
-  // `dealer` is connected to the dispatcher as "producer".
+  // `dealer` is connected to the dispatcher as "capture".
   SetSender(Dealer dealer, const Options& options) : dealer_(std::move(dealer)), options_(options) {}
 
   // Takes the set over. Unavailable: too many wait for their acknowledgement; pump() and offer it again.

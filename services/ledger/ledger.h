@@ -132,6 +132,18 @@ class Ledger {
 
   Result<> put_metrics(const PutMetrics& metrics);  // NotFound: no such run
   Result<> add_event(const Event& event);
+
+  // --- upkeep
+  Result<> put_tags(const PutTags& tags);                               // NotFound: no such run or capture
+  Result<> accept_rig(const AcceptRig& accepted, std::int64_t now_ns);  // NotFound: the rig was not stored
+  Result<> put_schedule(const Schedule& schedule);
+  Result<> drop_schedule(const std::string& name);     // NotFound
+  Result<> schedule_ran(const ScheduleRan& happened);  // NotFound
+  // Marks the runs' files as removed, and lets their work be asked for again. Returns the files, relative to
+  // the directory. InvalidInput, and nothing changes, when a run could not be made again.
+  Result<std::vector<std::string>> retire(const Retire& retire, std::int64_t now_ns);
+  Result<std::vector<std::string>> retired_files();
+
   Result<Status> status();  // the numbers; not the workers, nor who waits for what
 
  private:

@@ -68,7 +68,7 @@ Result<std::optional<std::int64_t>> Ledger::add_job(const Job& job, double work)
         job.run_id, inputs_fingerprint(job), recipe_fingerprint(p), p.rig_id, job.program_version, recipe_id,
         static_cast<int>(job.priority), job.created_time_ns, Blob{encode(Lease{0, 0, job, {}})},
         share_of(job), job.submitter, job.submission, work);
-    if (added == 0) return std::optional<std::int64_t>();
+    if (added == 0) return impl_->revive(job);
     const std::int64_t id = impl_->database.getLastInsertRowid();
     for (std::int64_t set : sets)
       impl_->sql.run("INSERT INTO job_inputs(job_id, set_id) VALUES(?1, ?2) ON CONFLICT DO NOTHING", id, set);
@@ -172,13 +172,23 @@ Result<Ledger::Commit> Ledger::finish(std::int64_t token, const Run& run, std::i
         "recipe_hash, rig_id, program_version, ?2, ?3, ?4, ?5, ?6, "
         "?7, "
         "?8, ?9, ?10, ?11, ?12, ?13, ?14, ?15, ?16, ?17, ?18, ?19, ?20, ?21, ?22, ?23, work FROM jobs WHERE "
-        "id = ?1",
+        "id = ?1 "
+        // Made again after its files were retired.
+        "ON CONFLICT(id) DO UPDATE SET worker = excluded.worker, volume_path = excluded.volume_path, "
+        "volume_bytes = excluded.volume_bytes, volume_fingerprint = excluded.volume_fingerprint, "
+        "iterations = excluded.iterations, residual = excluded.residual, "
+        "started_time_ns = excluded.started_time_ns, finished_time_ns = excluded.finished_time_ns, "
+        "committed_time_ns = excluded.committed_time_ns, queue_s = excluded.queue_s, "
+        "fetch_s = excluded.fetch_s, prepare_s = excluded.prepare_s, solve_s = excluded.solve_s, "
+        "write_s = excluded.write_s, peak_rss_mib = excluded.peak_rss_mib, record = excluded.record",
         *job, run.inputs.at(0).capture, run.inputs.at(0).index, run.inputs.size(), run.solver, run.worker,
         run.volume_path, run.volume_bytes, run.volume_fingerprint, run.iterations, run.residual,
         run.started_time_ns, run.finished_time_ns, now_ns, t.queue_s, t.fetch_s, t.prepare_s, t.solve_s,
         t.write_s, Blob{encode(Finish{token, run})}, run.estimated_s, run.estimated_mib, run.peak_rss_mib);
     for (const auto& [name, value] : run.metrics)
-      impl_->sql.run("INSERT INTO run_metrics(run_id, name, value) VALUES(?1, ?2, ?3)", run.id, name, value);
+      impl_->sql.run("INSERT OR REPLACE INTO run_metrics(run_id, name, value) VALUES(?1, ?2, ?3)", run.id,
+                     name, value);
+    impl_->add_artefacts(run);
     return Commit::Done;
   });
 }

@@ -231,6 +231,67 @@ CREATE TABLE calibrations(
   verdict TEXT NOT NULL,
   record BLOB NOT NULL
 ) STRICT;
+)sql",
+    // Upkeep: files, tags, calibrations, schedules.
+    R"sql(
+CREATE TABLE artefacts(                            -- files that runs left, relative to the data directory
+  path TEXT PRIMARY KEY,
+  run_id TEXT NOT NULL,
+  kind TEXT NOT NULL CHECK(kind IN ('volume', 'projections')),
+  bytes INTEGER NOT NULL,
+  sha256 TEXT NOT NULL,                            -- empty: made before checksums were kept
+  retired_time_ns INTEGER NOT NULL DEFAULT 0       -- removed by retention, can be made again; 0: there
+) STRICT;
+CREATE INDEX artefacts_by_run ON artefacts(run_id);
+INSERT OR IGNORE INTO artefacts(path, run_id, kind, bytes, sha256)
+  SELECT volume_path, id, 'volume', volume_bytes, '' FROM runs;
+
+CREATE TABLE tags(
+  subject TEXT NOT NULL,                           -- a run or a capture
+  tag TEXT NOT NULL,
+  PRIMARY KEY(subject, tag)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE accepted_rigs(                        -- which calibration counts, and for what
+  accepted_time_ns INTEGER NOT NULL,
+  rig_id TEXT NOT NULL REFERENCES rigs(id),
+  since_ns INTEGER NOT NULL,                       -- for sets of pulses from here on
+  PRIMARY KEY(accepted_time_ns, rig_id)
+) STRICT, WITHOUT ROWID;
+
+CREATE TABLE schedules(
+  name TEXT PRIMARY KEY,
+  cron TEXT NOT NULL,
+  zone TEXT NOT NULL,
+  created_time_ns INTEGER NOT NULL,
+  last_due_ns INTEGER NOT NULL,                    -- everything up to here was dealt with
+  record BLOB NOT NULL
+) STRICT;
+
+CREATE TABLE schedule_runs(                        -- what became of each due time
+  id INTEGER PRIMARY KEY,
+  schedule TEXT NOT NULL,
+  due_ns INTEGER NOT NULL,
+  time_ns INTEGER NOT NULL,
+  outcome TEXT NOT NULL,
+  text TEXT NOT NULL,
+  jobs INTEGER NOT NULL
+) STRICT;
+
+CREATE TABLE schedule_jobs(
+  schedule TEXT NOT NULL,
+  job_id INTEGER NOT NULL REFERENCES jobs(id),
+  PRIMARY KEY(schedule, job_id)
+) STRICT, WITHOUT ROWID;
+
+CREATE INDEX jobs_by_run ON jobs(run_id);
+CREATE INDEX sets_by_time ON sets(pulse_time_ns);
+-- All that filters ask most often: they read these instead of tables whose rows hold whole records.
+DROP INDEX runs_newest;
+CREATE INDEX runs_filtered ON runs(committed_time_ns, job_id, id, capture, first_idx, inputs, solver, rig_id,
+  program_version, worker, iterations, residual, finished_time_ns, solve_s, queue_s);
+CREATE INDEX sets_listed ON sets(capture, idx, pulse_time_ns, pulse, frames, losses);
+CREATE INDEX tags_by_tag ON tags(tag, subject);
 )sql"};
 
 }  // namespace

@@ -24,6 +24,11 @@ struct Ledger::Impl {
     return found;
   }
 
+  // upkeep.cc
+  void add_artefacts(const Run& run);
+  // Identical work is there: it is done again, under its old number, when its files were retired.
+  std::optional<std::int64_t> revive(const Job& job);
+
   FileLock lock;
   SQLite::Database database;
   Statements sql;

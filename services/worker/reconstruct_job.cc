@@ -12,6 +12,7 @@
 #include "reconstruct/prepare.h"
 #include "reconstruct/solver.h"
 #include "services/store/projection_file.h"
+#include "services/store/sha256.h"
 #include "services/store/volume_file.h"
 #include "services/worker/best_so_far.h"
 #include "services/worker/machine.h"
@@ -235,6 +236,14 @@ Result<> ReconstructJob::write_files(const JobContext& context, Run& run, const 
   if (auto ok = write_projections(staged(run.projections_path), prepared.projections, facts); !ok) return ok;
   if (auto ok = write_volume(staged(run.volume_path), solved.volume, facts, solved.sigma); !ok) return ok;
   run.volume_bytes = static_cast<std::int64_t>(std::filesystem::file_size(staged(run.volume_path), problem));
+  run.projections_bytes =
+      static_cast<std::int64_t>(std::filesystem::file_size(staged(run.projections_path), problem));
+  for (auto [path, sum] : {std::pair(&run.volume_path, &run.volume_sha256),
+                           std::pair(&run.projections_path, &run.projections_sha256)}) {
+    auto hash = sha256_of_file(staged(*path));
+    if (!hash) return tl::unexpected(hash.error());
+    *sum = std::move(*hash);
+  }
   run.volume_fingerprint = fingerprint_of(solved.volume);
   return {};
 }
@@ -248,6 +257,7 @@ Result<Run> ReconstructJob::operator()(const JobContext& context) {
   run.processing = job.processing;
   run.program_version = program_version();
   run.worker = context.worker;
+  run.seed = static_cast<std::int64_t>(SolveControl{}.seed);
   run.volume_path = "volumes/" + job.run_id + ".vtkhdf";
   run.projections_path = "volumes/" + job.run_id + ".projections.nxs";
   run.host = host_name();

@@ -75,6 +75,10 @@ Run some_run() {
   run.estimated_mib = 100;
   run.peak_rss_mib = 90;
   run.warm_start = "burst-0002-0a1b2c3d";
+  run.volume_sha256 = "ab";
+  run.projections_sha256 = "cd";
+  run.projections_bytes = 6;
+  run.seed = 5;
   return run;
 }
 
@@ -125,6 +129,20 @@ Calibration some_calibration() {
   c.verdict = "green";
   c.moved = {"cam00"};
   return c;
+}
+
+Schedule some_schedule() {
+  Schedule schedule;
+  schedule.name = "nightly";
+  schedule.cron = "0 2 * * *";
+  schedule.zone = "Europe/Vienna";
+  schedule.missed = MissedRuns::Skip;
+  schedule.overlap = OverlapRuns::Queue;
+  schedule.order = {"residual > 0.1",      true, "abc", "solver = \"mlem\"", {"mlem.max_iterations=9"},
+                    {"mlem.tolerance=1,2"}};
+  schedule.created_time_ns = 3;
+  schedule.last_due_ns = 4;
+  return schedule;
 }
 
 std::vector<Message> one_of_each() {
@@ -205,7 +223,13 @@ std::vector<Message> one_of_each() {
           GetCalibration{},
           some_calibration_state(),
           PutCalibration{some_calibration(), small_rig()},
-          CalibrationStored{3, "abc"}};
+          CalibrationStored{3, "abc"},
+          PutTags{"burst", {"good"}, {"bad"}},
+          AcceptRig{"abc", 7},
+          PutSchedule{some_schedule()},
+          DropSchedule{"nightly"},
+          ScheduleRan{"nightly", 5, 6, "submitted", "3 jobs", {1, 2, 3}},
+          Retire{{"run-1", "run-2"}}};
 }
 
 TEST(Codec, EveryMessageSurvivesARoundTrip) {

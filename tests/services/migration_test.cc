@@ -1,0 +1,76 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "services/ledger/books.h"
+#include "services/ledger/ledger.h"
+#include "services/ledger/query.h"
+#include "services/ledger/reader.h"
+#include "tests/services/support.h"
+
+namespace flamefield {
+namespace {
+
+// A ledger as an earlier version of the program left it.
+class OldLedger {
+ public:
+  explicit OldLedger(int version) {
+    const auto sql = std::filesystem::path(FLAMEFIELD_TEST_DATA) / concat("ledger-schema-", version, ".sql");
+    const std::string command =
+        concat("sqlite3 ", ledger_path(scratch_.path()).string(), " < ", sql.string(), " && sqlite3 ",
+               ledger_path(scratch_.path()).string(), " 'PRAGMA journal_mode=WAL' >/dev/null");
+    EXPECT_EQ(std::system(command.c_str()), 0) << "is sqlite3 installed?";
+  }
+  const std::filesystem::path& path() const { return scratch_.path(); }
+
+ private:
+  Scratch scratch_;
+};
+
+TEST(Migration, AReaderOfAnOldLedgerAsksForMigration) {
+  const OldLedger old(1);
+  const auto reader = LedgerReader::open(old.path());
+  ASSERT_FALSE(reader);
+  EXPECT_EQ(reader.error().code, ErrorCode::InvalidInput);
+  EXPECT_FALSE(LedgerQuery::open(old.path()));
+  EXPECT_FALSE(Books::open(old.path()));
+}
+
+TEST(Migration, TheFirstSchemaKeepsEverythingOnTheWayToTheNewest) {
+  const OldLedger old(1);
+  {
+    auto ledger = Ledger::open(old.path());
+    ASSERT_TRUE(ledger) << ledger.error().message;
+    EXPECT_EQ(ledger->status()->sets, 5);
+  }
+  EXPECT_TRUE(Books::open(old.path())->integrity()->empty());
+  auto reader = LedgerReader::open(old.path());
+  ASSERT_TRUE(reader) << reader.error().message;
+  EXPECT_EQ(reader->captures()->size(), 4u);
+  const auto runs = reader->runs();
+  ASSERT_TRUE(runs) << runs.error().message;
+  ASSERT_EQ(runs->size(), 2u);
+  const RunRow& single = runs->at(runs->at(0).run.inputs.size() == 1 ? 0 : 1);
+  EXPECT_NEAR(single.run.residual, 0.0506080446902001, 1e-12);
+  EXPECT_EQ(single.run.host, "") << "the old record did not have it";
+  EXPECT_TRUE(reader->rig(single.run.processing.rig_id));
+  EXPECT_EQ(reader->events()->size(), 4u);
+  // Old volumes are artefacts now, without a checksum.
+  const auto artefacts = Books::open(old.path())->artefacts();
+  ASSERT_EQ(artefacts->size(), 2u);
+  EXPECT_EQ(artefacts->at(0).sha256, "");
+  EXPECT_EQ(
+      LedgerQuery::open(old.path())->work(*parse_filter("solver = hessian and not stale", 0), 10)->size(),
+      2u);
+}
+
+TEST(Migration, OpeningAgainChangesNothing) {
+  const OldLedger old(1);
+  { ASSERT_TRUE(Ledger::open(old.path())); }
+  auto ledger = Ledger::open(old.path());
+  ASSERT_TRUE(ledger) << ledger.error().message;
+  EXPECT_EQ(ledger->status()->runs, 2);
+}
+
+}  // namespace
+}  // namespace flamefield
