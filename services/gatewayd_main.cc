@@ -20,14 +20,14 @@ Result<> serve(const Arguments& arguments) {
   const SignalStop stop;
   const auto endpoints = endpoints_of(arguments.data);
   if (!endpoints) return tl::unexpected(endpoints.error());
-  const auto keys = KeyRing::open(arguments.keys.empty() ? endpoints->keys : arguments.keys, "client");
+  const auto keys = KeyRing::open(arguments.keys.empty() ? endpoints->keys : arguments.keys, "operator");
   if (!keys) return tl::unexpected(keys.error());
   Bus bus(*keys);
   HttpServerOptions http;
   http.port = arguments.port;
   auto pages = Pages::open(
       bus, http,
-      {.role = "client",
+      {.role = "operator",
        .acquisition = arguments.acquisition.empty() ? endpoints->acquisition : arguments.acquisition,
        .dispatcher = arguments.dispatcher.empty() ? endpoints->dispatcher : arguments.dispatcher,
        .data_dir = arguments.data,

@@ -6,6 +6,7 @@
 
 #include "proto/utc.h"
 #include "services/bus/client.h"
+#include "services/bus/roles.h"
 #include "services/log/log.h"
 
 namespace flamefield {
@@ -108,6 +109,11 @@ void Acquisition::serve_requests() {
 std::optional<Message> Acquisition::answer(const Delivery& delivery) {
   if (!delivery.message) return Rejected{delivery.message.error()};
   const Message& question = *delivery.message;
+  if (!may_send(delivery.role, question)) {
+    return Rejected{invalid_input("request to the camera array",
+                                  concat("a ", delivery.role, " may not send it"), "use the key of an operator")
+                        .value()};
+  }
   if (const auto* request = std::get_if<StartCapture>(&question)) return start(*request);
   if (const auto* request = std::get_if<GetPreview>(&question)) return preview(*request);
   if (std::holds_alternative<StandBy>(question)) return stand_by();
@@ -163,7 +169,7 @@ void Acquisition::answer_askers() {
 }
 
 bool Acquisition::tell_dispatcher(const PutCapture& capture, milliseconds patience) {
-  auto client = Client::connect(bus_, "producer", unique_name("capture"), options_.dispatcher_endpoint);
+  auto client = Client::connect(bus_, "capture", unique_name("capture"), options_.dispatcher_endpoint);
   return client && client->ask_for<Accepted>(capture, patience);
 }
 

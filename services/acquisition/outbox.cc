@@ -17,7 +17,7 @@ void Outbox::put(FrameSet set) {
 }
 
 Result<> Outbox::run(std::stop_token stop) {
-  Dealer dealer(bus_, "producer", unique_name("acquisition"));
+  Dealer dealer(bus_, "capture", unique_name("acquisition"));
   if (auto ok = dealer.connect(endpoint_); !ok) return ok;
   SetSender sender(std::move(dealer), {});
   while (!stop.stop_requested()) {

@@ -12,7 +12,7 @@ namespace flamefield {
 
 // Where an installation is reached.
 struct ServiceAddresses {
-  std::string role = "client";  // on the bus
+  std::string role = "operator";  // on the bus
   std::string acquisition, dispatcher;
   std::filesystem::path data_dir;
   std::string calibration = {};  // empty: nobody holds calibration sessions here

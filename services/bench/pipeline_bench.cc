@@ -93,7 +93,7 @@ Result<> put_sets(Client& client, const Laboratory& lab, const PipelineOptions& 
 
 // Sets offered as fast as they are taken.
 Result<double> durable_sets_per_s(Bus& bus, const Laboratory& lab, int first, int count) {
-  Dealer dealer(bus, "producer", unique_name("bench"));
+  Dealer dealer(bus, "capture", unique_name("bench"));
   if (auto ok = dealer.connect("inproc://dispatcher"); !ok) return tl::unexpected(ok.error());
   SetSender sender(std::move(dealer), {.max_unacked = 32, .resend_after = kPatience});
   const Stopwatch watch;
@@ -192,7 +192,7 @@ Result<PipelineMeasurement> measure_pipeline(const PipelineOptions& o, std::stop
   auto dispatcher = Dispatcher::open(bus, {.data_dir = o.data_dir});
   if (!dispatcher) return tl::unexpected(dispatcher.error());
   std::jthread serving([&](std::stop_token end) { (void)(*dispatcher)->run(end); });
-  auto client = Client::connect(bus, "client", unique_name("bench"), "inproc://dispatcher");
+  auto client = Client::connect(bus, "operator", unique_name("bench"), "inproc://dispatcher");
   if (!client) return tl::unexpected(client.error());
   if (auto ok = client->ask(PutRig{lab->rig}, kPatience); !ok) return tl::unexpected(ok.error());
   progress(concat("store ", o.sets, " frame sets"));

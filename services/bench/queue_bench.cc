@@ -89,7 +89,7 @@ class Serving {
 };
 
 Result<> put_sets(Bus& bus, std::int64_t count) {
-  Dealer dealer(bus, "producer", unique_name("bench"));
+  Dealer dealer(bus, "capture", unique_name("bench"));
   if (auto ok = dealer.connect("inproc://dispatcher"); !ok) return ok;
   SetSender sender(std::move(dealer), {.max_unacked = 64, .resend_after = 10s});
   for (std::int64_t i = 0; i < count; ++i) {
@@ -122,7 +122,7 @@ Result<> measure_order(const QueueOptions& o, std::stop_token stop, QueueMeasure
     auto dispatcher = Dispatcher::open(bus, {.data_dir = o.data_dir});
     if (!dispatcher) return tl::unexpected(dispatcher.error());
     const Serving serving(**dispatcher, storing_cpu_s);
-    auto client = Client::connect(bus, "client", unique_name("bench"), "inproc://dispatcher");
+    auto client = Client::connect(bus, "operator", unique_name("bench"), "inproc://dispatcher");
     if (!client) return tl::unexpected(client.error());
     if (auto ok = client->ask(PutRig{one_camera()}, kPatience); !ok) return tl::unexpected(ok.error());
     if (auto ok = put_sets(bus, o.jobs); !ok) return ok;
@@ -137,7 +137,7 @@ Result<> measure_order(const QueueOptions& o, std::stop_token stop, QueueMeasure
   out.restart_s = opening.wall_s();
   {
     const Serving serving(**dispatcher, cpu_s);
-    auto client = Client::connect(bus, "client", unique_name("bench"), "inproc://dispatcher");
+    auto client = Client::connect(bus, "operator", unique_name("bench"), "inproc://dispatcher");
     if (!client) return tl::unexpected(client.error());
     const Stopwatch watch;
     std::vector<std::jthread> working;

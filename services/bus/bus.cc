@@ -1,5 +1,7 @@
 #include "services/bus/bus.h"
 
+#include <algorithm>
+
 #include "proto/check.h"
 #include "services/bus/socket.h"
 
@@ -9,14 +11,22 @@ Bus::Bus() : impl_(std::make_unique<Impl>()) {}
 
 Bus::Bus(const KeyRing& keys) : impl_(std::make_unique<Impl>()) {
   impl_->keys = keys;
-  impl_->doorkeeper = std::thread([this, door = open_door(impl_->context)]() mutable {
-    keep_door(std::move(door), impl_->keys->allowed());
-  });
+  impl_->allowed.emplace(keys);
+  impl_->doorkeeper =
+      std::thread([this, door = open_door(impl_->context)]() mutable { keep_door(std::move(door), *impl_); });
 }
 
 Bus::~Bus() {
   impl_->context.shutdown();
   if (impl_->doorkeeper.joinable()) impl_->doorkeeper.join();
+}
+
+std::map<std::string, std::int64_t> Bus::counters() const {
+  const Impl& i = *impl_;
+  return {{"bus_connections_refused", i.accepted - std::min(i.accepted.load(), i.greeted.load())},
+          {"bus_keys_refused", i.keys_refused},
+          {"bus_messages_revoked", i.messages_revoked},
+          {"bus_messages_malformed", i.messages_malformed}};
 }
 
 namespace {

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +24,10 @@ class Bus {
   Bus(const Bus&) = delete;
   Bus& operator=(const Bus&) = delete;
 
+  // What was turned away so far: connections that did not get through the handshake (keys_refused: of these,
+  // keys that are not on the list), and messages of keys that were revoked while they were connected.
+  std::map<std::string, std::int64_t> counters() const;
+
   struct Impl;
   Impl& impl() { return *impl_; }
 
@@ -33,7 +39,7 @@ class Bus {
 // message.
 struct Delivery {
   std::string peer;  // routing id of the sender (Router only)
-  std::string role;  // as authenticated: "producer", "worker", "client"; "local" through inproc
+  std::string role;  // as authenticated, one of peer_roles(); "local" through inproc
   std::uint64_t request = 0;
   Result<Message> message;
 };
@@ -98,7 +104,7 @@ class Publisher {
 
 class Subscriber {
  public:
-  explicit Subscriber(Bus& bus, const std::string& role = "client");
+  explicit Subscriber(Bus& bus, const std::string& role = "operator");
   Subscriber(Subscriber&&) noexcept;
   ~Subscriber();
   Result<> connect(const std::string& endpoint);

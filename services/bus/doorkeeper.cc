@@ -14,17 +14,19 @@ std::string public_key_of(const std::vector<zmq::message_t>& request) {
   return text;
 }
 
-void answer(zmq::socket_t& socket, const std::vector<zmq::message_t>& request, const AllowList& allowed) {
-  const auto found = allowed.find(public_key_of(request));
-  const bool known = found != allowed.end();
+void answer(zmq::socket_t& socket, const std::vector<zmq::message_t>& request, Bus::Impl& bus) {
+  const std::string key = public_key_of(request);
+  const auto role = bus.allowed->role_of(key);
+  const bool known = role.has_value();
+  if (!known) ++bus.keys_refused;
   const std::string sequence = request.size() > 1 ? request[1].to_string() : std::string();
-  const std::string role = known ? found->second : std::string();
   zmq::multipart_t reply;
   reply.addstr("1.0");
   reply.addstr(sequence);
-  reply.addstr(known ? "200" : "400");
+  // A refusal is 300, "temporary": libzmq's client then goes on trying, and gets in when its key is allowed.
+  reply.addstr(known ? "200" : "300");
   reply.addstr(known ? "OK" : "public key is not on the allow-list");
-  reply.addstr(role);  // becomes "User-Id" of every message of this connection
+  reply.addstr(known ? key : "");  // becomes "User-Id" of every message of this connection
   reply.addstr("");
   reply.send(socket);
 }
@@ -38,11 +40,11 @@ zmq::socket_t open_door(zmq::context_t& context) {
   return socket;
 }
 
-void keep_door(zmq::socket_t socket, const AllowList& allowed) {
+void keep_door(zmq::socket_t socket, Bus::Impl& bus) {
   while (true) {
     try {
       std::vector<zmq::message_t> request;
-      if (zmq::recv_multipart(socket, std::back_inserter(request))) answer(socket, request, allowed);
+      if (zmq::recv_multipart(socket, std::back_inserter(request))) answer(socket, request, bus);
     } catch (const zmq::error_t& error) {
       if (error.num() == ETERM) return;  // the bus closes; nothing else ends the watch
     }

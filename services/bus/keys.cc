@@ -5,12 +5,15 @@
 #include <unistd.h>
 #include <zmq.h>
 
+#include <algorithm>
 #include <array>
 #include <cstring>
 #include <fstream>
 #include <vector>
 
 #include "proto/check.h"
+#include "proto/job.h"
+#include "services/bus/roles.h"
 
 namespace flamefield {
 
@@ -18,7 +21,6 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::size_t kKeyLength = 40;
-constexpr std::array kRoles = {"dispatcher", "producer", "worker", "client"};
 
 bool is_key(const std::string& text) {
   std::array<std::uint8_t, 32> bytes{};
@@ -72,10 +74,37 @@ Result<KeyPair> read_pair(const fs::path& path) {
   return KeyPair{(*lines)[1], (*lines)[0]};
 }
 
-// "worker-node7.pub" -> "worker"
-std::string role_of(const fs::path& path) {
+// "worker-node7.pub" -> "worker", "node7"
+std::pair<std::string, std::string> role_and_name(const fs::path& path) {
   const std::string stem = path.stem().string();
-  return stem.substr(0, stem.find('-'));
+  const std::size_t dash = stem.find('-');
+  return {role_named(stem.substr(0, dash)), dash == std::string::npos ? "" : stem.substr(dash + 1)};
+}
+
+bool is_peer_role(const std::string& role) {
+  const auto roles = peer_roles();
+  return std::find(roles.begin(), roles.end(), role) != roles.end();
+}
+
+Result<> check_role(const std::string& role) {
+  if (is_peer_role(role)) return {};
+  return invalid_input(concat("role '", role, "'"), "there is none of this name",
+                       "use capture, worker, operator or viewer");
+}
+
+std::string pair_text(const KeyPair& pair) {
+  return pair.secret_key + "\n" + pair.public_key + "\n";
+}
+
+// The file of a role's secret; older installations have it under its old name.
+fs::path secret_of(const fs::path& directory, const std::string& role) {
+  const fs::path path = directory / (role + ".key");
+  if (fs::exists(path)) return path;
+  for (const char* old : {"producer", "client"}) {
+    if (role_named(old) == role && fs::exists(directory / concat(old, ".key")))
+      return directory / concat(old, ".key");
+  }
+  return path;
 }
 
 }  // namespace
@@ -94,11 +123,12 @@ Result<KeyRing> KeyRing::open_or_create(const fs::path& directory) {
     fs::permissions(directory, fs::perms::owner_all, problem);
   }
   KeyRing ring;
-  for (const char* role : kRoles) {
-    const fs::path secret = directory / concat(role, ".key"), open = directory / concat(role, ".pub");
+  std::vector<std::string> roles = {"dispatcher"};
+  roles.insert(roles.end(), peer_roles().begin(), peer_roles().end());
+  for (const std::string& role : roles) {
+    const fs::path secret = secret_of(directory, role), open = directory / concat(role, ".pub");
     if (!fs::exists(secret, problem)) {
-      const KeyPair made = generate_keys();
-      if (auto ok = write_file(secret, made.secret_key + "\n" + made.public_key + "\n", 0600); !ok)
+      if (auto ok = write_file(secret, pair_text(generate_keys()), 0600); !ok)
         return tl::unexpected(ok.error());
     }
     const auto pair = read_pair(secret);
@@ -110,17 +140,16 @@ Result<KeyRing> KeyRing::open_or_create(const fs::path& directory) {
     ring.pairs_[role] = *pair;
   }
   ring.dispatcher_public_key_ = ring.of("dispatcher").public_key;
-  for (const auto& entry : fs::directory_iterator(directory, problem)) {
-    if (entry.path().extension() != ".pub" || role_of(entry.path()) == "dispatcher") continue;
-    const auto key = read_public(entry.path());
-    if (!key) return tl::unexpected(key.error());
-    ring.allowed_[*key] = role_of(entry.path());
-  }
+  auto allowed = read_allow_list(directory);
+  if (!allowed) return tl::unexpected(allowed.error());
+  ring.allowed_ = std::move(*allowed);
+  ring.directory_ = directory;
   return ring;
 }
 
-Result<KeyRing> KeyRing::open(const fs::path& directory, const std::string& role) {
-  const auto pair = read_pair(directory / (role + ".key"));
+Result<KeyRing> KeyRing::open(const fs::path& directory, const std::string& role_name) {
+  const std::string role = role_named(role_name);
+  const auto pair = read_pair(secret_of(directory, role));
   if (!pair) return tl::unexpected(pair.error());
   const auto dispatcher = read_public(directory / "dispatcher.pub");
   if (!dispatcher) return tl::unexpected(dispatcher.error());
@@ -131,9 +160,75 @@ Result<KeyRing> KeyRing::open(const fs::path& directory, const std::string& role
 }
 
 const KeyPair& KeyRing::of(const std::string& role) const {
-  const auto found = pairs_.find(role);
+  const auto found = pairs_.find(role_named(role));
   expect(found != pairs_.end(), "the key ring was opened for this role");
   return found->second;
+}
+
+Result<std::vector<KeyEntry>> list_keys(const fs::path& directory) {
+  std::error_code problem;
+  std::vector<KeyEntry> entries;
+  for (const auto& entry : fs::directory_iterator(directory, problem)) {
+    if (entry.path().extension() != ".pub") continue;
+    const auto key = read_public(entry.path());
+    if (!key) return tl::unexpected(key.error());
+    auto [role, name] = role_and_name(entry.path());
+    const bool has_secret = name.empty() && fs::exists(secret_of(directory, role));
+    entries.push_back({std::move(role), std::move(name), *key, entry.path(), has_secret});
+  }
+  if (problem)
+    return not_found(concat("key directory ", directory.string()), problem.message(), "start a service once");
+  std::sort(entries.begin(), entries.end(),
+            [](const KeyEntry& a, const KeyEntry& b) { return a.file < b.file; });
+  return entries;
+}
+
+Result<AllowList> read_allow_list(const fs::path& directory) {
+  const auto entries = list_keys(directory);
+  if (!entries) return tl::unexpected(entries.error());
+  AllowList list;
+  for (const KeyEntry& entry : *entries) {
+    if (is_peer_role(entry.role)) list[entry.public_key] = entry.role;
+  }
+  return list;
+}
+
+Result<> make_keys_for(const fs::path& directory, const std::string& role, const fs::path& out) {
+  if (auto ok = check_role(role); !ok) return ok;
+  const auto dispatcher = read_public(directory / "dispatcher.pub");
+  if (!dispatcher) return tl::unexpected(dispatcher.error());
+  std::error_code problem;
+  if (fs::exists(out / (role + ".key"), problem))
+    return invalid_input(concat("key ", (out / (role + ".key")).string()), "it is there already",
+                         "choose another directory, or delete it first");
+  if (fs::create_directories(out, problem)) fs::permissions(out, fs::perms::owner_all, problem);
+  const KeyPair pair = generate_keys();
+  if (auto ok = write_file(out / (role + ".key"), pair_text(pair), 0600); !ok) return ok;
+  if (auto ok = write_file(out / (role + ".pub"), pair.public_key + "\n", 0644); !ok) return ok;
+  return write_file(out / "dispatcher.pub", *dispatcher + "\n", 0644);
+}
+
+Result<> allow_key(const fs::path& directory, const std::string& role, const std::string& name,
+                   const fs::path& public_key) {
+  if (auto ok = check_role(role); !ok) return ok;
+  if (!is_file_safe(name))
+    return invalid_input(concat("name '", name, "'"), "it becomes part of a file's name",
+                         "use letters, digits, '.', '_' and '-'");
+  const fs::path file = directory / concat(role, "-", name, ".pub");
+  if (fs::exists(file))
+    return invalid_input(concat("key ", file.string()), "the name is taken",
+                         "revoke it first, or choose another");
+  const auto key = read_public(public_key);
+  if (!key) return tl::unexpected(key.error());
+  return write_file(file, *key + "\n", 0644);
+}
+
+Result<> revoke_key(const fs::path& directory, const std::string& role, const std::string& name) {
+  std::error_code problem;
+  if (!is_file_safe(name) || !fs::remove(directory / concat(role, "-", name, ".pub"), problem))
+    return not_found(concat("key ", role, "-", name), "it is not on the allow-list",
+                     "see 'flamefield keys list'");
+  return {};
 }
 
 }  // namespace flamefield

@@ -3,6 +3,7 @@
 #include <filesystem>
 #include <map>
 #include <string>
+#include <vector>
 
 #include "proto/error.h"
 
@@ -15,8 +16,30 @@ struct KeyPair {
 };
 KeyPair generate_keys();
 
-// Who may connect: public key -> role ("producer", "worker", "client").
+// Who may connect: public key -> role, one of peer_roles().
 using AllowList = std::map<std::string, std::string>;
+// What the .pub files of a directory say. InvalidInput: a damaged file.
+Result<AllowList> read_allow_list(const std::filesystem::path& directory);
+
+// One key of a directory.
+struct KeyEntry {
+  std::string role;
+  std::string name;  // of the further machine; empty: this one's own
+  std::string public_key;
+  std::filesystem::path file;
+  bool has_secret = false;  // its .key is here
+};
+Result<std::vector<KeyEntry>> list_keys(const std::filesystem::path& directory);
+
+// A pair for another machine, in a directory of its own, with the dispatcher's public key: all that it needs.
+// InvalidInput: no such role, or there is a key already.
+Result<> make_keys_for(const std::filesystem::path& directory, const std::string& role,
+                       const std::filesystem::path& out);
+// Lets a public key in, under a name. InvalidInput: no such role, no key, or the name is taken.
+Result<> allow_key(const std::filesystem::path& directory, const std::string& role, const std::string& name,
+                   const std::filesystem::path& public_key);
+// Takes ROLE-NAME.pub away; its holder's messages count no more. NotFound.
+Result<> revoke_key(const std::filesystem::path& directory, const std::string& role, const std::string& name);
 
 // One directory holds the keys of an installation:
 //   ROLE.key  secret and public key of a role, readable by its owner only
@@ -33,8 +56,10 @@ class KeyRing {
   const KeyPair& of(const std::string& role) const;  // contract: a role that was opened
   const std::string& dispatcher_public_key() const { return dispatcher_public_key_; }
   const AllowList& allowed() const { return allowed_; }
+  const std::filesystem::path& directory() const { return directory_; }  // of the allow-list; empty: none
 
  private:
+  std::filesystem::path directory_;
   std::map<std::string, KeyPair> pairs_;
   std::string dispatcher_public_key_;
   AllowList allowed_;

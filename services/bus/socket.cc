@@ -38,6 +38,7 @@ struct Unobserved {
 
 constexpr std::size_t kMaxParts = kMaxCameras + 2;
 constexpr char kDomain[] = "flamefield";
+constexpr int kHandshake_ms = 5'000;  // then a connection that says nothing is closed
 
 bool is_inproc(const std::string& endpoint) {
   return endpoint.starts_with("inproc://");
@@ -66,11 +67,6 @@ Bytes copy_of(const zmq::message_t& part) {
   return std::make_shared<const std::vector<std::byte>>(first, first + part.size());
 }
 
-std::string role_of(zmq::message_t& part) {
-  const char* user = zmq_msg_gets(part.handle(), "User-Id");
-  return user ? user : "local";
-}
-
 }  // namespace
 
 Socket::Socket(Bus& bus, zmq::socket_type type, const SocketOptions& options)
@@ -93,6 +89,8 @@ Socket::Socket(Bus& bus, zmq::socket_type type, const SocketOptions& options)
 
 void Socket::be_server() {
   if (!bus_.keys) return;
+  watch_handshakes();
+  socket_.set(zmq::sockopt::handshake_ivl, kHandshake_ms);
   socket_.set(zmq::sockopt::curve_server, true);
   socket_.set(zmq::sockopt::curve_secretkey, bus_.keys->of("dispatcher").secret_key);
   socket_.set(zmq::sockopt::zap_domain, std::string(kDomain));
@@ -104,6 +102,44 @@ void Socket::be_client(const std::string& role) {
   socket_.set(zmq::sockopt::curve_publickey, own.public_key);
   socket_.set(zmq::sockopt::curve_secretkey, own.secret_key);
   socket_.set(zmq::sockopt::curve_serverkey, bus_.keys->dispatcher_public_key());
+}
+
+// Every connection that is accepted, and every handshake that succeeds, is told of on a socket of its own;
+// what is missing of the second was turned away. Its queue has no limit, since a full one would block ZeroMQ.
+void Socket::watch_handshakes() {
+  static std::atomic<int> number = 0;
+  const std::string place = concat("inproc://handshakes-", ++number);
+  if (zmq_socket_monitor(socket_.handle(), place.c_str(),
+                         ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED) != 0)
+    return;
+  handshakes_ = zmq::socket_t(bus_.context, zmq::socket_type::pair);
+  handshakes_.set(zmq::sockopt::linger, 0);
+  handshakes_.set(zmq::sockopt::rcvhwm, 0);
+  handshakes_.connect(place);
+}
+
+// Part 0 of a monitor's message: 16 bits of event, 32 bits of value; part 1: the endpoint.
+void Socket::count_handshakes() {
+  if (!handshakes_) return;
+  zmq::message_t part;
+  while (handshakes_.recv(part, zmq::recv_flags::dontwait)) {
+    std::uint16_t event = 0;
+    if (part.size() == 6) std::memcpy(&event, part.data(), sizeof event);
+    if (event == ZMQ_EVENT_ACCEPTED) ++bus_.accepted;
+    if (event == ZMQ_EVENT_HANDSHAKE_SUCCEEDED) ++bus_.greeted;
+  }
+}
+
+// A key counts for as long as it is on the list, not for as long as its connection lasts.
+bool Socket::is_revoked(Delivery& delivery, zmq::message_t& part) {
+  const char* key = bus_.allowed ? zmq_msg_gets(part.handle(), "User-Id") : nullptr;
+  if (!key) {
+    delivery.role = "local";
+    return false;
+  }
+  const auto role = bus_.allowed->role_of(key);
+  delivery.role = role.value_or("");
+  return !role;
 }
 
 Result<> Socket::check_endpoint(const std::string& endpoint) const {
@@ -139,6 +175,7 @@ Result<> Socket::connect(const std::string& endpoint) {
 }
 
 bool Socket::send(const std::string& peer, const Message& message, std::uint64_t request) {
+  if (!is_router_) count_handshakes();
   const std::string header = encode(message, request);
   const FrameSet* set = frame_set_of(message);
   const std::size_t frames = set ? set->frames.size() : 0;
@@ -166,6 +203,7 @@ bool Socket::wait_readable(std::chrono::milliseconds timeout) {
 std::optional<Delivery> Socket::receive(std::chrono::milliseconds timeout) {
   std::vector<zmq::message_t> parts;
   try {
+    count_handshakes();
     if (!wait_readable(timeout)) return std::nullopt;
     bool more = true;
     while (more) {
@@ -186,9 +224,14 @@ std::optional<Delivery> Socket::receive(std::chrono::milliseconds timeout) {
   }
   zmq::message_t& header = parts[next++];
   take_over(header.data());
-  delivery.role = role_of(header);
+  if (is_revoked(delivery, header)) {
+    ++bus_.messages_revoked;
+    delivery.message = invalid_input("message on the bus", "its key was taken off the allow-list", "drop it");
+    return delivery;
+  }
   auto envelope = decode(std::span(header.data<std::byte>(), header.size()));
   if (!envelope) {
+    ++bus_.messages_malformed;
     delivery.message = tl::unexpected(envelope.error());
     return delivery;
   }

@@ -7,6 +7,7 @@
 #include <vector>
 #include <zmq.hpp>
 
+#include "services/bus/allowed_keys.h"
 #include "services/bus/bus.h"
 
 // Known to this folder only: everything that touches ZeroMQ.
@@ -15,6 +16,9 @@ namespace flamefield {
 struct Bus::Impl {
   zmq::context_t context;
   std::optional<KeyRing> keys;
+  std::optional<AllowedKeys> allowed;
+  std::atomic<std::int64_t> accepted = 0, greeted = 0;  // connections; and those of them that got through
+  std::atomic<std::int64_t> keys_refused = 0, messages_revoked = 0, messages_malformed = 0;
   std::thread doorkeeper;  // answers ZeroMQ's question who may connect (ZAP)
 };
 
@@ -37,10 +41,14 @@ class Socket {
  private:
   Result<> check_endpoint(const std::string& endpoint) const;
   bool wait_readable(std::chrono::milliseconds timeout);
+  void watch_handshakes();
+  void count_handshakes();
+  bool is_revoked(Delivery& delivery, zmq::message_t& part);
 
   Bus::Impl& bus_;
   bool is_router_;
   zmq::socket_t socket_;
+  zmq::socket_t handshakes_;  // a server's monitor
   std::string endpoint_;
 };
 
@@ -49,6 +57,6 @@ class Socket {
 zmq::socket_t open_door(zmq::context_t& context);
 
 // Answers until the context is shut down.
-void keep_door(zmq::socket_t socket, const AllowList& allowed);
+void keep_door(zmq::socket_t socket, Bus::Impl& bus);
 
 }  // namespace flamefield

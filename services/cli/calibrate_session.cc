@@ -87,7 +87,7 @@ class GuidedSession {
       : options_(options),
         session_(session),
         connection_(connect_to(options.data)),
-        client_(or_fail(Client::connect(*connection_.bus, "client", unique_name("calibrate"),
+        client_(or_fail(Client::connect(*connection_.bus, "operator", unique_name("calibrate"),
                                         connection_.endpoints.calibration))) {}
   ~GuidedSession() {
     if (is_open_) (void)client_.ask(DiscardCalibration{}, seconds(60));

@@ -28,4 +28,11 @@ struct Connection {
 // Ends the command when there is no such folder or nobody serves it.
 Connection connect_to(const DataOption& data);
 
+// The same where only the dispatcher is needed.
+struct DispatcherConnection {
+  std::unique_ptr<Bus> bus;
+  Client client;
+};
+DispatcherConnection connect_to_dispatcher(const DataOption& data);
+
 }  // namespace flamefield

@@ -63,7 +63,7 @@ void export_capture(const Options& options, const Session& session) {
 void replay_recording(const Options& options, const Session& session) {
   const auto recording = or_usage(FrameReader::open(options.file));
   const Endpoints endpoints = or_usage(endpoints_of(options.data.dir));
-  Bus bus = open_bus(endpoints, "producer");
+  Bus bus = open_bus(endpoints, "capture");
   ReplayOptions how;
   how.capture = options.capture.empty() ? concat("replay-", options.file.stem().string()) : options.capture;
   how.keeps_time = !options.at_full_speed;

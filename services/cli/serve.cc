@@ -160,13 +160,13 @@ void run(const Options& options, const Session& session) {
     or_fail(laboratory->light_flame([&](int done, int total) { bar.update(done, total); }, session.stop()));
   }
   const auto dispatcher = [&] {
-    return or_fail(Client::connect(bus, "client", unique_name("planner"), "inproc://dispatcher"));
+    return or_fail(Client::connect(bus, "operator", unique_name("planner"), "inproc://dispatcher"));
   };
   std::optional<LivePlanner> planner;
   auto asking = dispatcher();
   std::string rig = rig_in_use(lab, embedded.acquisition, asking);
   if (!rig.empty()) planner.emplace(live_planner(lab, rig, dispatcher(), laboratory.get()));
-  auto operating = or_fail(Operator::connect(bus, "client", "inproc://acquisition", "inproc://dispatcher"));
+  auto operating = or_fail(Operator::connect(bus, "operator", "inproc://acquisition", "inproc://dispatcher"));
 
   std::cout << "serving " << lab.data_directory.string() << ": " << embedded.acquisition.cameras.size()
             << (laboratory ? " simulated" : "") << " cameras\n"

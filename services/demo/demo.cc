@@ -136,7 +136,7 @@ Result<> Demo::start_services() {
   auto services = Embedded::start(bus_, embedded);
   if (!services) return tl::unexpected(services.error());
   services_ = std::move(*services);
-  auto connected = Operator::connect(bus_, "client", "inproc://acquisition", "inproc://dispatcher");
+  auto connected = Operator::connect(bus_, "operator", "inproc://acquisition", "inproc://dispatcher");
   if (!connected) return tl::unexpected(connected.error());
   operator_.emplace(std::move(*connected));
   return {};

@@ -5,6 +5,7 @@
 #include <system_error>
 #include <utility>
 
+#include "services/gateway/exposure.h"
 #include "services/gateway/web_files.h"
 
 namespace flamefield {
@@ -143,6 +144,7 @@ HttpResponse answer(const HttpRequest& request, const Guard& guard, const Gatewa
 
 Result<std::unique_ptr<Gateway>> Gateway::open(HttpServerOptions options, const std::string& token,
                                                GatewaySources sources) {
+  if (auto ok = check_exposure(options.address); !ok) return tl::unexpected(ok.error());
   Guard guard(token, options.address.starts_with("127.") || options.address == "::1");
   std::unique_ptr<Gateway> gateway(new Gateway(options.address, std::move(guard), std::move(sources)));
   auto server = HttpServer::listen(std::move(options), [g = gateway.get()](const HttpRequest& request) {

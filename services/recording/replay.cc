@@ -25,9 +25,9 @@ Result<ReplayReport> replay(const FrameReader& recording, Bus& bus, const std::s
                             const ReplayOptions& options, const RecordingProgress& progress,
                             std::stop_token stop) {
   if (recording.sets() == 0) return invalid_input("the recording", "has no sets", "choose another one");
-  auto client = Client::connect(bus, "producer", unique_name("replay"), dispatcher_endpoint);
+  auto client = Client::connect(bus, "capture", unique_name("replay"), dispatcher_endpoint);
   if (!client) return tl::unexpected(client.error());
-  Dealer dealer(bus, "producer", unique_name("replay-sets"));
+  Dealer dealer(bus, "capture", unique_name("replay-sets"));
   if (auto ok = dealer.connect(dispatcher_endpoint); !ok) return tl::unexpected(ok.error());
   SetSender sender(std::move(dealer), {.max_unacked = 16});
 

@@ -84,7 +84,7 @@ class Battlefield {
   std::optional<ChildProcess> dispatcher_;
   std::vector<ChildProcess> workers_;
   std::optional<std::pair<int, Clock::time_point>> frozen_;  // pid, until when
-  std::optional<Client> client_;
+  std::optional<Client> client_, producer_;  // with an operator's key, and with that of capture
   std::optional<SetSender> sender_;
 };
 
@@ -110,9 +110,11 @@ Result<ChildProcess> Battlefield::start_worker() {
 
 // The dispatcher may be dead at the moment: asked until it answers.
 Result<Message> Battlefield::insist(const Message& question) {
+  const bool is_capture =
+      std::holds_alternative<PutSet>(question) || std::holds_alternative<PutCapture>(question);
   Result<Message> answer = unavailable("no answer from the dispatcher", "not asked", "");
   for (const auto end = Clock::now() + 60s; Clock::now() < end && !stop_.stop_requested();) {
-    answer = client_->ask(question, 500ms);
+    answer = (is_capture ? *producer_ : *client_).ask(question, 500ms);
     if (answer || answer.error().code != ErrorCode::Unavailable) break;
   }
   return answer;
@@ -135,10 +137,13 @@ Result<> Battlefield::prepare() {
     if (!worker) return tl::unexpected(worker.error());
     workers_.push_back(std::move(*worker));
   }
-  auto client = Client::connect(*bus_, "producer", unique_name("client"), endpoint_);
+  auto client = Client::connect(*bus_, "operator", unique_name("client"), endpoint_);
   if (!client) return tl::unexpected(client.error());
   client_.emplace(std::move(*client));
-  Dealer dealer(*bus_, "producer", unique_name("capture"));
+  auto producer = Client::connect(*bus_, "capture", unique_name("producer"), endpoint_);
+  if (!producer) return tl::unexpected(producer.error());
+  producer_.emplace(std::move(*producer));
+  Dealer dealer(*bus_, "capture", unique_name("capture"));
   if (auto ok = dealer.connect(endpoint_); !ok) return ok;
   sender_.emplace(std::move(dealer), SetSender::Options{.max_unacked = 64, .resend_after = 300ms});
 

@@ -75,7 +75,7 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
     http.port = static_cast<std::uint16_t>(options.http_port);
     auto pages = Pages::open(
         bus, http,
-        {.role = "client",
+        {.role = "operator",
          .acquisition = options.acquisition.endpoints.front(),
          .dispatcher = options.dispatcher_endpoints.front(),
          .data_dir = options.data_dir,

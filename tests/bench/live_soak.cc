@@ -185,7 +185,7 @@ int run(const Options& o, const std::filesystem::path& folder) {
   embedded.acquisition.hooks = laboratory->hooks();
   Bus bus;
   const auto services = must(Embedded::start(bus, embedded));
-  auto person = must(Operator::connect(bus, "client", "inproc://acquisition", "inproc://dispatcher"));
+  auto person = must(Operator::connect(bus, "operator", "inproc://acquisition", "inproc://dispatcher"));
 
   Processing processing = processing_of(o, *laboratory, kFormat);
   processing.rig_id =

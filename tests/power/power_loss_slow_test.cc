@@ -55,7 +55,7 @@ std::vector<DiskEvent> recorded_run(const fs::path& folder) {
   EXPECT_TRUE(dispatcher) << dispatcher.error().message;
   {
     const std::jthread serving([&](std::stop_token stop) { (void)(*dispatcher)->run(stop); });
-    auto client = Client::connect(bus, "producer", "c", "inproc://dispatcher");
+    auto client = Client::connect(bus, "operator", "c", "inproc://dispatcher");
     EXPECT_TRUE(client->ask(PutRig{make_rig()}, 10s));
     mark("rig");
     EXPECT_TRUE(client->ask(LivePlan{true, make_processing()}, 10s));

@@ -58,7 +58,7 @@ class KilledCapture : public ::testing::Test {
         << log();
   }
   std::string log() const { return read_text_file(scratch_ / "acquired.log").value_or(""); }
-  Client client_of(const std::string& endpoint, const std::string& role = "client") {
+  Client client_of(const std::string& endpoint, const std::string& role = "operator") {
     return Client::connect(*bus_, role, unique_name("test"), endpoint).value();
   }
   void expect_accounted_for(const std::string& capture, std::int64_t acknowledged);

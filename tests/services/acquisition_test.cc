@@ -43,7 +43,7 @@ class AcquisitionTest : public ::testing::Test {
     return receipt.value_or(Receipt{});
   }
   std::vector<FrameSet> stored(const std::string& capture, std::int64_t sets) {
-    auto client = Client::connect(bus_, "client", unique_name("reader"), "inproc://dispatcher");
+    auto client = Client::connect(bus_, "operator", unique_name("reader"), "inproc://dispatcher");
     std::vector<FrameSet> out;
     for (std::int64_t index = 0; index < sets; ++index) {
       auto data = client->ask_for<SetData>(FetchSet{{capture, index}}, 10s);
@@ -152,7 +152,7 @@ TEST_F(AcquisitionTest, BurstFromStandbyThatIsStoppedDrainsWhatWasTriggered) {
 
 TEST_F(AcquisitionTest, PicturesThatAreOnlyShownLeaveNothingBehind) {
   open(tiny_array(2), 20);
-  auto client = Client::connect(bus_, "client", unique_name("test"), "inproc://acquisition").value();
+  auto client = Client::connect(bus_, "operator", unique_name("test"), "inproc://acquisition").value();
   const StartCapture shown{
       .kind = CaptureKind::Board, .pulses = 0, .id = "look", .pre_pulses = 0, .store = false};
   StartCapture counted = shown;
@@ -184,7 +184,7 @@ TEST_F(AcquisitionTest, CaptureThatAnEarlierProgramLeftOpenIsClosedWithWhatItHad
     PutCapture left{"left", CaptureKind::Burst, 1, 0, 9, {"cam00", "cam01", "cam02"}, 30};
     journal->note(left);
   }
-  auto client = Client::connect(bus_, "client", unique_name("producer"), "inproc://dispatcher");
+  auto client = Client::connect(bus_, "operator", unique_name("producer"), "inproc://dispatcher");
   for (int i = 0; i < 7; ++i) ASSERT_TRUE(client->ask_for<SetStored>(PutSet{make_set("left", i)}, 5s));
   open(tiny_array(2), 50);
   ASSERT_TRUE(eventually([&] { return receipt_of("left").capture.finished_time_ns != 0; }));

@@ -196,7 +196,7 @@ class EmptyApi : public testing::Test {
   }
   Scratch folder_;
   Bus bus_;
-  LiveServices services_{bus_, {"client", "inproc://no-array", "inproc://no-dispatcher", folder_.path()}};
+  LiveServices services_{bus_, {"operator", "inproc://no-array", "inproc://no-dispatcher", folder_.path()}};
 };
 
 TEST_F(EmptyApi, ListsAreEmptyAndQuestionsAreChecked) {

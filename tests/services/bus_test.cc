@@ -50,7 +50,7 @@ void expect_conversation(Router& router, Dealer& dealer, const std::string& role
 TEST(Bus, CarriesSetsWithinOneProcess) {
   Bus bus;
   Router router = bound_router(bus, "inproc://dispatcher");
-  Dealer dealer = connected_dealer(bus, "producer", "inproc://dispatcher");
+  Dealer dealer = connected_dealer(bus, "capture", "inproc://dispatcher");
   expect_conversation(router, dealer, "local");
 }
 
@@ -58,7 +58,7 @@ TEST(Bus, CarriesSetsOverTcpAndNamesTheRoleOfTheKey) {
   Scratch keys;
   Bus server(KeyRing::open_or_create(keys.path()).value());
   Router router = bound_router(server, kAnyPort);
-  for (const char* role : {"producer", "worker", "client"}) {
+  for (const char* role : {"capture", "worker", "operator", "viewer"}) {
     Bus client(KeyRing::open(keys.path(), role).value());
     Dealer dealer = connected_dealer(client, role, router.bound_endpoint());
     expect_conversation(router, dealer, role);
@@ -78,10 +78,10 @@ TEST(Bus, OneSocketServesThreadsAndTheNetworkAtOnce) {
   Bus bus(KeyRing::open_or_create(keys.path()).value());
   Router router = bound_router(bus, "inproc://dispatcher");
   ASSERT_TRUE(router.bind(kAnyPort));
-  Dealer near = connected_dealer(bus, "producer", "inproc://dispatcher");
-  Dealer far = connected_dealer(bus, "producer", router.bound_endpoint());
+  Dealer near = connected_dealer(bus, "capture", "inproc://dispatcher");
+  Dealer far = connected_dealer(bus, "capture", router.bound_endpoint());
   expect_conversation(router, near, "local");
-  expect_conversation(router, far, "producer");
+  expect_conversation(router, far, "capture");
 }
 
 // A stranger knows the server's public key, but is not on the list. Somebody who is gets through meanwhile:
@@ -174,7 +174,7 @@ TEST(Bus, NewsReachSubscribers) {
 TEST(Client, AQuestionWithoutAnAnswerIsUnavailable) {
   Bus bus;
   Router router = bound_router(bus, "inproc://dispatcher");
-  auto client = Client::connect(bus, "client", "c", "inproc://dispatcher");
+  auto client = Client::connect(bus, "operator", "c", "inproc://dispatcher");
   const auto answer = client->ask(GetStatus{}, 20ms);
   ASSERT_FALSE(answer);
   EXPECT_EQ(answer.error().code, ErrorCode::Unavailable);
@@ -183,7 +183,7 @@ TEST(Client, AQuestionWithoutAnAnswerIsUnavailable) {
 TEST(Client, MessagesThatAnswerNothingWaitForNext) {
   Bus bus;
   Router router = bound_router(bus, "inproc://dispatcher");
-  auto client = Client::connect(bus, "client", "c", "inproc://dispatcher");
+  auto client = Client::connect(bus, "operator", "c", "inproc://dispatcher");
   std::jthread server([&] {
     auto question = router.receive(5s);
     ASSERT_TRUE(question);

@@ -26,7 +26,7 @@ TEST(CalibrationService, ClosesTheSessionOfAProgramThatWasKilled) {
   options.workers = 1;
   {
     const auto before = Embedded::start(bus, options).value();
-    auto client = Client::connect(bus, "client", unique_name("test"), "inproc://dispatcher").value();
+    auto client = Client::connect(bus, "operator", unique_name("test"), "inproc://dispatcher").value();
     PutCapture open;
     open.kind = CaptureKind::Board;
     open.started_time_ns = 1;
@@ -55,7 +55,7 @@ TEST(CalibrationApi, SaysThatNobodyHoldsSessionsWithoutFailing) {
   const Scratch scratch;
   Bus bus;
   for (const std::string& endpoint : {std::string(), "ipc://" + (scratch.path() / "none.sock").string()}) {
-    LiveServices services(bus, {.role = "client",
+    LiveServices services(bus, {.role = "operator",
                                 .acquisition = "inproc://acquisition",
                                 .dispatcher = "inproc://dispatcher",
                                 .data_dir = scratch.path(),

@@ -33,7 +33,7 @@ TEST(StoringDaemon, EveryAcknowledgedSetIsReadableAfterTwentyKillsAndNoneIsThere
                    scratch / "log");
   };
   std::optional<Process> daemon = start();
-  Dealer dealer(bus, "producer", unique_name("capture"));
+  Dealer dealer(bus, "capture", unique_name("capture"));
   ASSERT_TRUE(dealer.connect(endpoint));
   SetSender sender(std::move(dealer), {.max_unacked = 32, .resend_after = kSlowdown * 200ms});
 

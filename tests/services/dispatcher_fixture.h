@@ -61,7 +61,7 @@ class DispatcherTest : public ::testing::Test {
     ASSERT_TRUE(opened) << opened.error().message;
     dispatcher_ = std::move(*opened);
     thread_ = std::jthread([this](std::stop_token stop) { EXPECT_TRUE(dispatcher_->run(stop)); });
-    client_.emplace(Client::connect(bus_, "client", unique_name("client"), "inproc://dispatcher").value());
+    client_.emplace(Client::connect(bus_, "operator", unique_name("client"), "inproc://dispatcher").value());
   }
   void stop() {
     client_.reset();

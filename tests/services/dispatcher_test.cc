@@ -247,7 +247,7 @@ TEST_F(DispatcherTest, AnEndpointInUseIsNamed) {
 
 TEST_F(DispatcherTest, ASenderKeepsSetsUntilTheyAreStored) {
   stop();
-  Dealer dealer(bus_, "producer", "capture");
+  Dealer dealer(bus_, "capture", "capture");
   ASSERT_TRUE(dealer.connect("inproc://dispatcher"));
   SetSender sender(std::move(dealer), {.max_unacked = 4, .resend_after = 50ms});
   for (int i = 0; i < 4; ++i) ASSERT_TRUE(sender.offer(make_set("burst", i)));
@@ -272,7 +272,7 @@ TEST(DispatcherRoles, AWorkersKeyMayNotStoreSets) {
   auto refused = worker->ask(PutSet{make_set("burst", 0)}, 5s);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::InvalidInput);
-  auto producer = Client::connect(bus, "producer", "p", (*dispatcher)->endpoints()[0]);
+  auto producer = Client::connect(bus, "capture", "p", (*dispatcher)->endpoints()[0]);
   EXPECT_TRUE(producer->ask(PutSet{make_set("burst", 0)}, 5s));
 }
 

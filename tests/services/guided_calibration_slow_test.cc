@@ -46,7 +46,7 @@ class GuidedCalibration : public testing::Test {
     embedded.calibration.show_next_pose = [this] { laboratory_->turn_board(); };
     embedded.calibration.picture_patience = 700ms * testing_support::kSlowdown;
     services_ = Embedded::start(bus_, embedded).value();
-    client_.emplace(Client::connect(bus_, "client", unique_name("test"), "inproc://calibration").value());
+    client_.emplace(Client::connect(bus_, "operator", unique_name("test"), "inproc://calibration").value());
   }
 
   CalibrationState state() { return client_->ask_for<CalibrationState>(GetCalibration{}, 60s).value(); }
@@ -90,7 +90,7 @@ class GuidedCalibration : public testing::Test {
   std::unique_ptr<Embedded> services_;
   std::optional<Client> client_;
   LiveServices pages_{bus_,
-                      {.role = "client",
+                      {.role = "operator",
                        .acquisition = "inproc://acquisition",
                        .dispatcher = "inproc://dispatcher",
                        .data_dir = scratch_.path(),
@@ -177,14 +177,14 @@ TEST_F(GuidedCalibration, TakesAPoseOnRequestAndLeavesNoVersionWhenDiscarded) {
   EXPECT_EQ(captures[0].sets, 1);
   EXPECT_NE(captures[0].capture.finished_time_ns, 0);
   // The cameras are free for others.
-  auto array = Client::connect(bus_, "client", unique_name("test"), "inproc://acquisition").value();
+  auto array = Client::connect(bus_, "operator", unique_name("test"), "inproc://acquisition").value();
   EXPECT_EQ(array.ask_for<CaptureState>(GetCapture{}, 60s).value().phase, CapturePhase::Idle);
 }
 
 TEST_F(GuidedCalibration, SaysThatSomebodyStoppedTheArrayAndEndsAllTheSame) {
   ASSERT_TRUE(client_->ask(StartCalibration{}, 60s));
   wait_until([](const CalibrationState& s) { return !s.cameras.empty() && s.still; });
-  auto array = Client::connect(bus_, "client", unique_name("test"), "inproc://acquisition").value();
+  auto array = Client::connect(bus_, "operator", unique_name("test"), "inproc://acquisition").value();
   EXPECT_FALSE(array.ask(StartCapture{.kind = CaptureKind::Burst, .pulses = 3}, 60s))
       << "the array is in use";
   ASSERT_TRUE(array.ask_for<CaptureState>(StopCapture{}, 60s));

@@ -33,9 +33,10 @@ TEST(Poison, AJobThatKillsProcessesKillsOneWorkerTwiceAndAllOthersAreDone) {
                                            .back_off = 10ms});
   ASSERT_TRUE(dispatcher) << dispatcher.error().message;
   const std::jthread serving([&](std::stop_token stop) { (void)(*dispatcher)->run(stop); });
-  auto client = Client::connect(bus, "producer", "c", endpoint);
+  auto client = Client::connect(bus, "operator", "c", endpoint);
+  auto producer = Client::connect(bus, "capture", "p", endpoint);
   ASSERT_TRUE(client->ask(PutRig{make_rig()}, 5s));
-  for (int i = 0; i < 8; ++i) ASSERT_TRUE(client->ask(PutSet{make_set("burst", i)}, 5s));
+  for (int i = 0; i < 8; ++i) ASSERT_TRUE(producer->ask(PutSet{make_set("burst", i)}, 5s));
   Submit order;
   order.captures = {"burst"};
   order.processing = make_processing();

@@ -31,7 +31,7 @@ TEST(Worker, MakesTheVolumeOfEverySetAndOfTheirMean) {
   auto dispatcher = Dispatcher::open(bus, {.data_dir = scratch.path(), .segment_bytes = 1 << 20});
   ASSERT_TRUE(dispatcher) << dispatcher.error().message;
   std::jthread serving([&](std::stop_token stop) { (void)(*dispatcher)->run(stop); });
-  auto client = Client::connect(bus, "client", "c", "inproc://dispatcher");
+  auto client = Client::connect(bus, "operator", "c", "inproc://dispatcher");
   ASSERT_TRUE(client->ask(PutRig{lab.rig}, 5s));
   for (int i = 0; i < 3; ++i) {
     ASSERT_TRUE(client->ask(PutSet{lab.set("dark", CaptureKind::Dark, i)}, 5s));
@@ -147,8 +147,8 @@ TEST(Programs, StopCleanlyOnRequest) {
   ASSERT_TRUE(eventually([&] { return std::filesystem::exists(scratch.path() / "bus"); }));
   testing_support::Process worker(
       "flamefield-worker", {"--data", data, "--endpoint", "ipc://" + data + "/bus"}, scratch.path() / "log");
-  Bus bus(KeyRing::open(scratch.path() / "keys", "client").value());
-  auto client = Client::connect(bus, "client", "c", "ipc://" + data + "/bus");
+  Bus bus(KeyRing::open(scratch.path() / "keys", "operator").value());
+  auto client = Client::connect(bus, "operator", "c", "ipc://" + data + "/bus");
   ASSERT_TRUE(eventually([&] {
     const auto status = client->ask_for<Status>(GetStatus{}, 1s);
     return status && !status->workers.empty();
