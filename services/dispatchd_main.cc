@@ -5,6 +5,7 @@
 #include "services/process/daemon.h"
 #include "services/process/signals.h"
 #include "services/serve/endpoints.h"
+#include "services/serve/reprocessing.h"
 
 namespace flamefield {
 namespace {
@@ -18,8 +19,12 @@ Result<> serve(DispatcherOptions options, const std::filesystem::path& keys_dir)
   const auto keys = KeyRing::open_or_create(keys_dir.empty() ? local->keys : keys_dir);
   if (!keys) return tl::unexpected(keys.error());
   Bus bus(*keys);
+  options.endpoints.push_back("inproc://dispatcher");
   auto dispatcher = Dispatcher::open(bus, options);
   if (!dispatcher) return tl::unexpected(dispatcher.error());
+  const std::jthread scheduler([&](std::stop_token scheduler_stop) {
+    (void)make_scheduler(bus, "inproc://dispatcher", options.data_dir).run(scheduler_stop);
+  });
   return (*dispatcher)->run(stop.token());
 }
 

@@ -36,6 +36,12 @@ Json json_of(const RunRow& row) {
           {"prepare_s", run.timings.prepare_s},
           {"solve_s", run.timings.solve_s},
           {"write_s", run.timings.write_s},
+          {"host", run.host},
+          {"threads", run.threads},
+          {"seed", run.seed},
+          {"peak_rss_mib", run.peak_rss_mib},
+          {"volume_sha256", run.volume_sha256},
+          {"projections_sha256", run.projections_sha256},
           {"dark", run.processing.dark_capture},
           {"background", run.processing.background_capture},
           {"flat", run.processing.flat_capture},
@@ -59,6 +65,16 @@ Json json_of(const std::vector<HistoryPoint>& history) {
     points.push_back(std::move(entry));
   }
   return points;
+}
+
+Json json_of(const WorkRow& row) {
+  Json json = json_of(RunRow{row.run, row.committed_time_ns});
+  json["state"] = name_of(row.state);
+  json["reason"] = row.reason;
+  json["stale"] = row.stale;
+  json["retired"] = row.retired;
+  json["tags"] = row.tags;
+  return json;
 }
 
 Json json_of(const Receipt& receipt) {

@@ -6,6 +6,7 @@
 #include "proto/message.h"
 #include "proto/rig.h"
 #include "proto/utc.h"
+#include "services/ledger/query.h"
 #include "services/ledger/reader.h"
 
 // Records as people and pages read them. Used by the command line and the gateway alike.
@@ -13,6 +14,7 @@ namespace flamefield {
 
 nlohmann::ordered_json json_of(const RunRow& row);  // without its history
 nlohmann::ordered_json json_of(const std::vector<HistoryPoint>& history);
+nlohmann::ordered_json json_of(const WorkRow& row);
 nlohmann::ordered_json json_of(const Receipt& receipt);
 nlohmann::ordered_json json_of(const CaptureRow& row);
 nlohmann::ordered_json json_of(const CaptureState& state);

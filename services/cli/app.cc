@@ -17,11 +17,12 @@ namespace flamefield {
 namespace {
 
 // One row a command, in the order of the help.
-constexpr std::array kCommands = {&add_demo,        &add_serve,    &add_capture, &add_runs,   &add_status,
-                                  &add_calibrate,   &add_phantom,  &add_ring,    &add_render, &add_prepare,
-                                  &add_reconstruct, &add_evaluate, &add_bench,   &add_study,  &add_show,
-                                  &add_convert,     &add_simulate, &add_cameras, &add_doctor, &add_replay,
-                                  &add_jobs,        &add_selftest};
+constexpr std::array kCommands = {
+    &add_demo,    &add_serve,  &add_capture, &add_runs,     &add_status,      &add_calibrate,
+    &add_phantom, &add_ring,   &add_render,  &add_prepare,  &add_reconstruct, &add_evaluate,
+    &add_bench,   &add_study,  &add_show,    &add_convert,  &add_simulate,    &add_cameras,
+    &add_doctor,  &add_replay, &add_jobs,    &add_selftest, &add_reprocess,   &add_schedule,
+    &add_rigs,    &add_keys,   &add_ledger};
 
 int report(ExitCode code, const std::string& message) {
   std::cerr << "flamefield: " << message << '\n';

@@ -34,5 +34,10 @@ void add_doctor(CLI::App& app, Session& session);
 void add_status(CLI::App& app, Session& session);
 void add_jobs(CLI::App& app, Session& session);  // list, pause, resume, cancel, retry
 void add_selftest(CLI::App& app, Session& session);
+void add_reprocess(CLI::App& app, Session& session);
+void add_schedule(CLI::App& app, Session& session);  // list, add, remove, run-now
+void add_rigs(CLI::App& app, Session& session);      // list, accept
+void add_keys(CLI::App& app, Session& session);      // make, list, allow, revoke
+void add_ledger(CLI::App& app, Session& session);    // check, backup, retain
 
 }  // namespace flamefield

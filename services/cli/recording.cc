@@ -3,9 +3,11 @@
 #include <CLI/CLI.hpp>
 #include <iostream>
 
+#include "proto/utc.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 #include "services/cli/progress.h"
+#include "services/ledger/query.h"
 #include "services/ledger/reader.h"
 
 namespace flamefield {
@@ -14,7 +16,7 @@ namespace {
 
 struct Options {
   DataOption data;
-  std::string capture;
+  std::string capture, where;
   std::filesystem::path file;
   bool at_full_speed = false;
 };
@@ -28,26 +30,31 @@ void export_capture(const Options& options, const Session& session) {
     throw CommandFailure{ExitCode::Usage, concat("output '", options.file.string(),
                                                  "' (recordings are .nxs files) choose another name")};
   }
-  auto reader = or_usage(LedgerReader::open(options.data.dir));
-  const auto sets = or_fail(reader.sets(options.capture));
+  auto ledger = or_usage(LedgerQuery::open(options.data.dir));
+  (void)or_usage(parse_filter(options.where, 0, FilterOver::Sets));
+  const std::string of_capture = concat("capture = \"", options.capture, "\"");
+  const auto filter = or_usage(
+      parse_filter(options.where.empty() ? of_capture : concat("(", options.where, ") and ", of_capture),
+                   utc_now_ns(), FilterOver::Sets));
+  const auto sets = or_fail(ledger.sets(filter));
   if (sets.empty()) {
     throw CommandFailure{ExitCode::Failed,
                          concat("capture '", options.capture,
-                                "' (no sets of it are stored) see 'flamefield runs list --captures'")};
+                                "' (no such sets of it are stored) see 'flamefield runs list --captures'")};
   }
   const Endpoints endpoints = or_usage(endpoints_of(options.data.dir));
-  Bus bus = open_bus(endpoints, "worker");
-  auto client = or_fail(Client::connect(bus, "worker", unique_name("export"), endpoints.dispatcher));
+  Bus bus = open_bus(endpoints, "operator");
+  auto client = or_fail(Client::connect(bus, "operator", unique_name("export"), endpoints.dispatcher));
   // What the cameras were set to goes with the pictures.
   Provenance provenance = {{"program_version", std::string(program_version())},
                            {"capture", options.capture},
                            {"command", session.command_line()}};
-  const Receipt receipt = or_fail(reader.receipt(options.capture));
+  const Receipt receipt = or_fail(or_fail(LedgerReader::open(options.data.dir)).receipt(options.capture));
   for (const auto& [name, value] : receipt.capture.settings) provenance["capture." + name] = value;
   ProgressBar bar(concat("export ", options.capture));
   or_fail(convert_capture(
       [&](std::int64_t index) -> Result<FrameSet> {
-        auto data = client.ask_for<SetData>(FetchSet{sets[static_cast<std::size_t>(index)].id},
+        auto data = client.ask_for<SetData>(FetchSet{sets[static_cast<std::size_t>(index)]},
                                             std::chrono::seconds(30));
         if (!data) return tl::unexpected(data.error());
         return std::move(data->set);
@@ -86,6 +93,7 @@ void add_export(CLI::App& runs, Session& session) {
   add_data(*command, options->data);
   command->add_option("CAPTURE", options->capture, "As 'runs list --captures' prints it")->required();
   command->add_option("--out", options->file, "Recording to write, .nxs")->required();
+  command->add_option("--where", options->where, "Only these of its sets, e.g. 'losses = 0 and index < 100'");
   command->footer(
       "Examples:\n  flamefield runs export 20260301T101500000-burst --out burst.nxs\n"
       "  flamefield convert burst.nxs pictures/");

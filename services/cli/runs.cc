@@ -7,6 +7,8 @@
 #include "services/api/records_json.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
+#include "services/cli/runs_commands.h"
+#include "services/ledger/query.h"
 #include "services/ledger/reader.h"
 
 namespace flamefield {
@@ -18,7 +20,7 @@ using Json = nlohmann::ordered_json;
 struct Options {
   DataOption data;
   std::string id;
-  RunFilter filter;
+  RunSelection selection;
   bool captures = false;
   bool json = false;
 };
@@ -31,6 +33,12 @@ std::string inputs_text(const Run& run) {
 std::string metric_text(const Run& run, const char* name) {
   const auto found = run.metrics.find(name);
   return found == run.metrics.end() ? "-" : fmt::format("{:.4f}", found->second);
+}
+
+std::string state_text(const WorkRow& row) {
+  if (row.stale) return "stale";
+  if (row.retired && row.state == JobState::Done) return "retired";
+  return std::string(name_of(row.state));
 }
 
 void print_captures(const std::vector<CaptureRow>& rows, bool as_json) {
@@ -50,24 +58,29 @@ void print_captures(const std::vector<CaptureRow>& rows, bool as_json) {
 }
 
 void list(const Options& options) {
-  auto reader = or_fail(LedgerReader::open(options.data.dir));
-  if (options.captures) return print_captures(or_fail(reader.captures()), options.json);
-  const auto rows = or_fail(reader.runs(options.filter));
+  if (options.captures)
+    return print_captures(or_fail(or_fail(LedgerReader::open(options.data.dir)).captures()), options.json);
+  const auto rows = options.selection.read(options.data.dir);
   if (options.json) {
     Json all = Json::array();
-    for (const RunRow& row : rows) all.push_back(json_of(row));
+    for (const WorkRow& row : rows) all.push_back(json_of(row));
     std::cout << all.dump(2) << '\n';
     return;
   }
-  std::cout << fmt::format("{:<48} {:<42} {:<8} {:>5} {:>9} {:>8} {:>8}  {}\n", "RUN", "INPUT", "SOLVER",
-                           "ITER", "RESIDUAL", "SOLVE s", "PEARSON", "FINISHED (UTC)");
-  for (const RunRow& row : rows) {
-    std::cout << fmt::format("{:<48} {:<42} {:<8} {:>5} {:>9.4f} {:>8.2f} {:>8}  {}\n", row.run.id,
-                             inputs_text(row.run), row.run.solver, row.run.iterations, row.run.residual,
-                             row.run.timings.solve_s, metric_text(row.run, "pearson_3d"),
-                             utc_text(row.run.finished_time_ns));
+  std::cout << fmt::format("{:<48} {:<42} {:<7} {:<8} {:>5} {:>9} {:>8} {:>8}  {}\n", "RUN", "INPUT", "STATE",
+                           "SOLVER", "ITER", "RESIDUAL", "SOLVE s", "PEARSON", "FINISHED (UTC)");
+  std::int64_t stale = 0;
+  for (const WorkRow& row : rows) {
+    stale += row.stale ? 1 : 0;
+    std::cout << fmt::format("{:<48} {:<42} {:<7} {:<8} {:>5} {:>9.4f} {:>8.2f} {:>8}  {}{}\n", row.run.id,
+                             inputs_text(row.run), state_text(row), row.run.solver, row.run.iterations,
+                             row.run.residual, row.run.timings.solve_s, metric_text(row.run, "pearson_3d"),
+                             utc_text(row.run.finished_time_ns), row.reason.empty() ? "" : "  " + row.reason);
   }
-  if (rows.empty()) std::cout << "no runs yet: capture a burst, or reconstruct one that is stored\n";
+  if (rows.empty()) std::cout << "no such runs: capture a burst, or reconstruct one that is stored\n";
+  if (stale > 0)
+    std::cout << stale << " are stale: a newer calibration counts for them; 'flamefield reprocess --stale "
+              << "--dry-run' says what redoing them takes\n";
 }
 
 void show(const Options& options) {
@@ -138,11 +151,7 @@ void add_runs(CLI::App& app, Session& session) {
   auto options = std::make_shared<Options>();
   auto* list_command = add(*runs, session, "list", "All runs, or all captures",
                            "list --capture 20260301T101500000-burst", options, &list);
-  list_command->add_option("--capture", options->filter.capture, "Only runs of this capture");
-  list_command->add_option("--solver", options->filter.solver, "Only runs of this solver");
-  list_command->add_option("--rig", options->filter.rig_id, "Only runs with this rig");
-  list_command->add_option("--limit", options->filter.limit, "At most so many, the newest")
-      ->capture_default_str();
+  add_selection(*list_command, options->selection);
   list_command->add_flag("--captures", options->captures, "List captures instead");
 
   options = std::make_shared<Options>();
@@ -156,6 +165,8 @@ void add_runs(CLI::App& app, Session& session) {
       ->add_option("CAPTURE", options->id, "As 'runs list --captures' prints it")
       ->required();
   add_export(*runs, session);
+  add_compare(*runs, session);
+  add_tag(*runs, session);
 }
 
 }  // namespace flamefield

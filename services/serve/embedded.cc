@@ -11,6 +11,7 @@
 #include "services/api/pages.h"
 #include "services/dispatcher/dispatcher.h"
 #include "services/log/log.h"
+#include "services/serve/reprocessing.h"
 #include "services/worker/reconstruct_job.h"
 #include "services/worker/worker.h"
 
@@ -47,7 +48,7 @@ struct Embedded::Impl {
   // In the order in which they may stop; each member's thread ends before the ones above it.
   std::jthread dispatcher_thread, acquisition_thread, calibration_thread;
   std::vector<std::jthread> worker_threads;
-  std::jthread gateway_thread;
+  std::jthread gateway_thread, scheduler_thread;
 
   void note(const std::string& service, const Result<>& result) {
     if (result) return;
@@ -123,6 +124,9 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
       s.note("worker", w->run(stop));
     });
   }
+  s.scheduler_thread = std::jthread(
+      [&s, scheduler = make_scheduler(bus, options.dispatcher_endpoints.front(), options.data_dir)](
+          std::stop_token stop) mutable { s.note("scheduler", scheduler.run(stop)); });
   if (s.pages) {
     s.gateway_thread = std::jthread([&s](std::stop_token stop) {
       lower_priority();
@@ -144,6 +148,7 @@ Embedded::~Embedded() {
   for (auto& worker : impl_->worker_threads) worker.request_stop();
   for (auto& worker : impl_->worker_threads) end(worker);
   end(impl_->gateway_thread);
+  end(impl_->scheduler_thread);
   end(impl_->dispatcher_thread);
 }
 

@@ -1,0 +1,168 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <thread>
+
+#include "proto/utc.h"
+#include "reconstruct/solver.h"
+#include "services/cli/commands.h"
+#include "services/cli/connection.h"
+#include "services/cli/progress.h"
+#include "services/cli/reprocess_options.h"
+#include "services/ledger/query.h"
+#include "services/ledger/reader.h"
+#include "services/reprocess/plan.h"
+#include "services/serve/records_json.h"
+
+namespace flamefield {
+
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Options {
+  DataOption data;
+  ReprocessOptions what;
+  ScheduleOptions when;
+  std::string every, name, executor = "local";
+  bool dry_run = false, preview = false, wait = false, json = false;
+};
+
+std::string duration_text(double seconds) {
+  if (seconds < 120) return fmt::format("{:.1f} s", seconds);
+  if (seconds < 7200) return fmt::format("{:.0f} min", seconds / 60);
+  return fmt::format("{:.1f} h", seconds / 3600);
+}
+
+void print_plan(const ReprocessPlan& plan, bool as_json) {
+  if (as_json) {
+    const bool known = plan.past_runs > 0;
+    std::cout << Json{{"asked", plan.asked},
+                      {"identical", plan.identical},
+                      {"volumes", plan.volumes()},
+                      {"estimated_worker_s", known ? Json(plan.seconds) : Json(nullptr)},
+                      {"estimated_peak_rss_mib", known ? Json(plan.peak_rss_mib) : Json(nullptr)},
+                      {"past_runs", plan.past_runs}}
+                     .dump(2)
+              << '\n';
+    return;
+  }
+  std::cout << plan.asked << " volumes asked for, " << plan.identical << " of them are there or in line, "
+            << plan.volumes() << " to make\n";
+  if (plan.volumes() == 0) return;
+  if (plan.past_runs == 0)
+    std::cout << "no estimate: nothing was recorded with these solvers yet (--preview makes one)\n";
+  else
+    std::cout << "estimate: " << duration_text(plan.seconds) << " of one worker, "
+              << fmt::format("{:.0f} MiB", plan.peak_rss_mib) << " at most (from " << plan.past_runs
+              << " recorded runs)\n";
+}
+
+Submitted submit(const Options& options, const ReprocessPlan& plan, const std::optional<Rig>& rig) {
+  DispatcherConnection connection = connect_to_dispatcher(options.data);
+  const std::chrono::seconds patience(60);
+  if (rig) or_fail(connection.client.ask_for<RigStored>(PutRig{*rig}, patience));
+  return or_fail(submit_plan(
+      plan, [&](const Submit& order) { return connection.client.ask_for<Submitted>(order, patience); }));
+}
+
+// Waits for the runs; a failed one ends the command with its reason.
+void wait_for(const Options& options, const std::vector<std::string>& run_ids, const Session& session) {
+  ProgressBar bar("reprocess");
+  auto ledger = or_fail(LedgerReader::open(options.data.dir));
+  std::size_t done = 0;
+  while (done < run_ids.size()) {
+    session.check_stop();
+    if (ledger.run(run_ids[done])) {
+      bar.update(static_cast<double>(++done), static_cast<double>(run_ids.size()), run_ids[done - 1]);
+      continue;
+    }
+    for (const JobRow& job : or_fail(ledger.jobs(JobState::Failed))) {
+      if (job.run_id == run_ids[done])
+        throw CommandFailure{ExitCode::Failed, concat("run ", job.run_id, " failed (", job.reason,
+                                                      ") mend the cause and reprocess again")};
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+  }
+}
+
+void print_runs(const Options& options, const std::vector<std::string>& run_ids) {
+  auto ledger = or_fail(LedgerReader::open(options.data.dir));
+  for (const std::string& id : run_ids) {
+    const RunRow row = or_fail(ledger.run(id));
+    if (options.json)
+      std::cout << json_of(row).dump(2) << '\n';
+    else
+      std::cout << fmt::format("{}: {}, {} iterations, residual {:.4f}, {:.2f} s, {}\n", id, row.run.solver,
+                               row.run.iterations, row.run.residual, row.run.timings.solve_s,
+                               (options.data.dir / row.run.volume_path).string());
+  }
+}
+
+void add_to_schedules(const Options& options, const ReprocessOrder& order, const std::optional<Rig>& rig) {
+  const std::string name =
+      options.name.empty() ? concat("reprocess-", utc_now_ns() / 1'000'000'000) : options.name;
+  const Schedule schedule = options.when.schedule(name, options.every, order);
+  DispatcherConnection connection = connect_to_dispatcher(options.data);
+  const std::chrono::seconds patience(10);
+  if (rig) or_fail(connection.client.ask_for<RigStored>(PutRig{*rig}, patience));
+  or_fail(connection.client.ask_for<Accepted>(PutSchedule{schedule}, patience));
+  std::cout << "schedule " << name << ": " << options.every << " (" << options.when.zone
+            << "); see 'flamefield schedule list'\n";
+}
+
+void run(const Options& options, const Session& session) {
+  if (options.executor != "local")
+    throw CommandFailure{ExitCode::Usage, concat("--executor ", options.executor,
+                                                 " (this version cannot start pilot jobs of a cluster yet) "
+                                                 "use local, or start 'flamefield-worker' there by hand")};
+  const auto [order, rig] = options.what.read();
+  auto ledger = or_fail(LedgerQuery::open(options.data.dir));
+  ReprocessPlan plan = or_usage(plan_reprocessing(ledger, order, validate_recipe, utc_now_ns()));
+  if (!options.every.empty() && !options.dry_run) return add_to_schedules(options, order, rig);
+  if (options.preview) plan = preview_of(plan);
+  if (options.dry_run || plan.volumes() == 0) return print_plan(plan, options.json);
+  if (!options.json) print_plan(plan, false);
+  const Submitted submitted = submit(options, plan, rig);
+  if (options.preview || options.wait) {
+    wait_for(options, submitted.run_ids, session);
+    return print_runs(options, submitted.run_ids);
+  }
+  if (options.json)
+    std::cout << Json{{"jobs", submitted.job_ids.size()}, {"identical", submitted.identical}}.dump(2) << '\n';
+  else
+    std::cout << submitted.job_ids.size()
+              << " jobs are in line; watch them with 'flamefield status --watch'\n";
+}
+
+}  // namespace
+
+void add_reprocess(CLI::App& app, Session& session) {
+  auto options = std::make_shared<Options>();
+  auto* command = app.add_subcommand(
+      "reprocess", "Do recorded work again, with another recipe or calibration, now or at set times");
+  add_data(*command, options->data);
+  add_reprocess_options(*command, options->what);
+  command->add_option("--every", options->every, "Cron expression: store this as a schedule instead");
+  command->add_option("--name", options->name, "Of the schedule");
+  add_schedule_options(*command, options->when);
+  command->add_option("--executor", options->executor, "local; slurm: not yet")
+      ->check(CLI::IsMember({"local", "slurm"}))
+      ->capture_default_str();
+  command->add_flag("--dry-run", options->dry_run, "Only say what would be done, and what it would take");
+  command->add_flag("--preview", options->preview, "Do the first volume only, at once, and wait for it");
+  command->add_flag("--wait", options->wait, "Wait until everything is done");
+  command->add_flag("--json", options->json, "Print the result as JSON");
+  command->footer(
+      "Examples:\n"
+      "  flamefield reprocess --where \"capture ~ '*-burst' and residual > 0.1\" --recipe better.toml "
+      "--dry-run\n"
+      "  flamefield reprocess --where 'solver = hessian' --sweep hessian.beta=0.5,1,2 --preview\n"
+      "  flamefield reprocess --stale --every '30 2 * * mon-fri' --zone Europe/Vienna");
+  command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
+}
+
+}  // namespace flamefield
