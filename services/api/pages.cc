@@ -5,6 +5,7 @@
 #include <sstream>
 #include <thread>
 
+#include "proto/utc.h"
 #include "services/api/call.h"
 #include "services/api/prometheus.h"
 
@@ -14,8 +15,10 @@ namespace {
 std::string metrics_text(LiveServices& services) {
   const auto array = services.ask_array<CaptureState>(GetCapture{});
   const auto status = services.ask_dispatcher<Status>(GetStatus{});
+  const auto ledger = ledger_figures(services.data_dir(), utc_now_ns());
   return prometheus_text(array ? std::optional(*array) : std::nullopt,
-                         status ? std::optional(*status) : std::nullopt);
+                         status ? std::optional(*status) : std::nullopt) +
+         prometheus_text(ledger ? std::optional(*ledger) : std::nullopt, machine_figures(services.data_dir()));
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "services/api/prometheus.h"
 
+#include <algorithm>
+#include <cmath>
 #include <string_view>
 
 namespace flamefield {
@@ -69,6 +71,8 @@ void add_array(const CaptureState& array, Exposition& out) {
 }
 
 void add_dispatcher(const Status& status, Exposition& out) {
+  out.family("build_info", "gauge", "Always 1; the version is in the label");
+  out.sample(1, label("version", status.program_version));
   out.single("sets_in_ledger", "gauge", "Frame sets that the ledger knows", status.sets);
   out.single("runs_in_ledger", "gauge", "Reconstructions that the ledger knows", status.runs);
   out.family("jobs", "gauge", "Jobs by state");
@@ -81,10 +85,64 @@ void add_dispatcher(const Status& status, Exposition& out) {
   for (const auto& [name, count] : status.counters) out.sample(count, label("event", name));
 }
 
+// The nearest rank: no figure that was not measured.
+void add_quantiles(const std::vector<double>& sorted, const std::string& labels, Exposition& out) {
+  if (sorted.empty()) return;
+  for (const auto& [name, q] :
+       {std::pair("0.5", 0.5), std::pair("0.9", 0.9), std::pair("0.99", 0.99), std::pair("1", 1.0)}) {
+    const auto rank = static_cast<std::size_t>(std::ceil(q * static_cast<double>(sorted.size())));
+    out.sample(sorted[std::clamp<std::size_t>(rank, 1, sorted.size()) - 1],
+               concat(labels, labels.empty() ? "" : ",", label("quantile", name)));
+  }
+}
+
+void add_ledger(const LedgerFigures& ledger, Exposition& out) {
+  out.family("queue_jobs", "gauge", "Jobs by priority and state");
+  for (const auto& [key, count] : ledger.jobs)
+    out.sample(count,
+               concat(label("priority", name_of(key.first)), ",", label("state", name_of(key.second))));
+  out.single("queue_oldest_age_seconds", "gauge", "Of the job that waits longest; 0: none waits",
+             ledger.oldest_waiting_s);
+  out.family("pulse_to_volume_seconds", "gauge", "From the trigger to the volume, of the newest live runs");
+  add_quantiles(ledger.pulse_to_volume_s, "", out);
+  out.family("set_to_stored_seconds", "gauge",
+             "From the last frame of a set until it was durable, of the newest sets");
+  add_quantiles(ledger.set_to_stored_s, "", out);
+  out.family("run_stage_seconds", "gauge", "What each stage of the newest runs took");
+  for (const auto& [stage, values] : ledger.stage_s) add_quantiles(values, label("stage", stage), out);
+  out.family("schedule_runs_total", "counter", "Due times of schedules by what became of them");
+  for (const auto& [outcome, count] : ledger.schedule_outcomes) out.sample(count, label("outcome", outcome));
+  out.single("artefacts", "gauge", "Files of runs", ledger.artefacts);
+  out.single("artefact_bytes", "gauge", "Their size", ledger.artefact_bytes);
+  out.single("artefacts_retired", "gauge", "Files of runs that were removed, and can be made again",
+             ledger.retired);
+}
+
+void add_machine(const MachineFigures& machine, Exposition& out) {
+  out.single("disk_free_bytes", "gauge", "Below the data directory", machine.disk_free_bytes);
+  out.single("disk_bytes", "gauge", "Size of that disk", machine.disk_bytes);
+  out.single("spool_bytes", "gauge", "Segments of raw sets", machine.spool_bytes);
+  out.single("process_resident_bytes", "gauge", "Memory of the process that answers", machine.resident_bytes);
+  out.single("process_cpu_seconds_total", "counter", "Processor time of the process that answers",
+             machine.cpu_s);
+  out.single("process_open_files", "gauge", "File descriptors of the process that answers",
+             machine.open_files);
+}
+
 }  // namespace
+
+std::string prometheus_text(const std::optional<LedgerFigures>& ledger, const MachineFigures& machine) {
+  Exposition out;
+  if (ledger) add_ledger(*ledger, out);
+  add_machine(machine, out);
+  return out.take();
+}
 
 std::string prometheus_text(const std::optional<CaptureState>& array, const std::optional<Status>& status) {
   Exposition out;
+  out.family("up", "gauge", "1 when the service answers");
+  out.sample(array ? 1 : 0, label("service", "acquisition"));
+  out.sample(status ? 1 : 0, label("service", "dispatcher"));
   if (array) add_array(*array, out);
   if (status) add_dispatcher(*status, out);
   return out.take();

@@ -15,7 +15,7 @@
 #include "services/ledger/query.h"
 #include "services/ledger/reader.h"
 #include "services/reprocess/plan.h"
-#include "services/serve/records_json.h"
+#include "services/api/records_json.h"
 
 namespace flamefield {
 

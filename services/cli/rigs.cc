@@ -8,7 +8,7 @@
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 #include "services/ledger/query.h"
-#include "services/serve/records_json.h"
+#include "services/api/records_json.h"
 #include "services/store/rig_file.h"
 
 namespace flamefield {

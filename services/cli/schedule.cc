@@ -13,7 +13,7 @@
 #include "services/ledger/query.h"
 #include "services/reprocess/plan.h"
 #include "services/scheduler/cron.h"
-#include "services/serve/records_json.h"
+#include "services/api/records_json.h"
 
 namespace flamefield {
 
