@@ -4,9 +4,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
-#include "services/ledger/database.h"
-#include "services/ledger/ledger.h"
-#include "services/ledger/schema.h"
+#include "services/ledger/read_only.h"
 
 namespace flamefield {
 
@@ -48,39 +46,23 @@ void sync_file(const fs::path& path, int flags) {
 
 }  // namespace
 
-struct Books::Impl {
-  explicit Impl(const std::string& file) : database(file, SQLite::OPEN_READONLY, 5000) {}
-  SQLite::Database database;
-};
-
-Books::Books(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Books::Books(std::unique_ptr<ReadOnlyLedger> ledger) : ledger_(std::move(ledger)) {}
 Books::Books(Books&&) noexcept = default;
 Books::~Books() = default;
 
 Result<Books> Books::open(const fs::path& directory) {
-  const std::string file = ledger_path(directory).string();
-  if (!fs::exists(file))
-    return not_found(concat("ledger ", file), "no such file",
-                     "has anything been captured in this directory?");
-  try {
-    auto impl = std::make_unique<Impl>(file);
-    if (impl->database.execAndGet("PRAGMA user_version").getInt() != newest_schema_version())
-      return invalid_input(concat("ledger ", file), "it is of another version than this program",
-                           "start the dispatcher once to migrate it");
-    return Books(std::move(impl));
-  } catch (const SQLite::Exception& exception) {
-    return tl::unexpected(error_of(exception, file));
-  }
+  return open_read_only(directory).map(
+      [](std::unique_ptr<ReadOnlyLedger> ledger) { return Books(std::move(ledger)); });
 }
 
 Result<std::vector<BookFault>> Books::integrity() {
-  return faults_of(impl_->database);
+  return faults_of(ledger_->database);
 }
 
 Result<std::vector<Artefact>> Books::artefacts() {
-  return guarded(impl_->database, [&]() -> Result<std::vector<Artefact>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<Artefact>> {
     SQLite::Statement row(
-        impl_->database,
+        ledger_->database,
         "SELECT path, run_id, kind, sha256, bytes, retired_time_ns FROM artefacts ORDER BY path");
     std::vector<Artefact> all;
     while (row.executeStep())
@@ -91,9 +73,9 @@ Result<std::vector<Artefact>> Books::artefacts() {
 }
 
 Result<std::vector<StoredSet>> Books::sets() {
-  return guarded(impl_->database, [&]() -> Result<std::vector<StoredSet>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<StoredSet>> {
     SQLite::Statement row(
-        impl_->database,
+        ledger_->database,
         "SELECT capture, idx, segment, byte_offset, byte_length FROM sets ORDER BY segment, byte_offset");
     std::vector<StoredSet> all;
     while (row.executeStep())
@@ -111,10 +93,10 @@ Result<> Books::backup(const fs::path& file,
     return invalid_input(concat("backup ", file.string()), "the file exists", "choose another name");
   const fs::path part = file.string() + ".part";
   fs::remove(part, problem);
-  auto copied = guarded(impl_->database, [&]() -> Result<> {
+  auto copied = guarded(ledger_->database, [&]() -> Result<> {
     SQLite::Database copy(part.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
     {
-      SQLite::Backup backup(copy, impl_->database);
+      SQLite::Backup backup(copy, ledger_->database);
       while (backup.executeStep(kPagesPerStep) != 101 /* SQLITE_DONE */)
         progress(backup.getTotalPageCount() - backup.getRemainingPageCount(), backup.getTotalPageCount());
     }

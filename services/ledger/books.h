@@ -12,6 +12,8 @@
 
 namespace flamefield {
 
+struct ReadOnlyLedger;
+
 struct Artefact {
   std::string path;  // relative to the data directory
   std::string run_id, kind, sha256;
@@ -47,9 +49,8 @@ class Books {
                   const std::function<void(std::int64_t done, std::int64_t total)>& progress);
 
  private:
-  struct Impl;
-  explicit Books(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  explicit Books(std::unique_ptr<ReadOnlyLedger> ledger);
+  std::unique_ptr<ReadOnlyLedger> ledger_;
 };
 
 }  // namespace flamefield

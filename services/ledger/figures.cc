@@ -2,22 +2,13 @@
 
 #include <algorithm>
 
-#include "services/ledger/database.h"
-#include "services/ledger/ledger.h"
-#include "services/ledger/schema.h"
+#include "services/ledger/read_only.h"
 
 namespace flamefield {
 
 namespace {
 
 constexpr int kNewest = 200;
-
-JobState state_from(const std::string& name) {
-  for (JobState state : {JobState::Queued, JobState::Leased, JobState::Done}) {
-    if (name_of(state) == name) return state;
-  }
-  return JobState::Failed;
-}
 
 double seconds(std::int64_t span_ns) {
   return static_cast<double>(span_ns) * 1e-9;
@@ -28,8 +19,8 @@ void read_jobs(Statements& sql, LedgerFigures& figures, std::int64_t now_ns) {
       sql("SELECT priority, state, count(*) FROM jobs WHERE state IN ('queued', 'leased') GROUP BY priority, "
           "state");
   while (row.executeStep())
-    figures
-        .jobs[{static_cast<Priority>(row.getColumn(0).getInt()), state_from(row.getColumn(1).getString())}] +=
+    figures.jobs[{static_cast<Priority>(row.getColumn(0).getInt()),
+                  job_state_from_name(row.getColumn(1).getString()).value_or(JobState::Failed)}] +=
         row.getColumn(2).getInt64();
   row.reset();
   auto& oldest =
@@ -82,23 +73,16 @@ void read_upkeep(Statements& sql, LedgerFigures& figures) {
 }  // namespace
 
 Result<LedgerFigures> ledger_figures(const std::filesystem::path& directory, std::int64_t now_ns) {
-  const std::string file = ledger_path(directory).string();
-  if (!std::filesystem::exists(file))
-    return not_found(concat("ledger ", file), "no such file", "capture something");
-  try {
-    SQLite::Database database(file, SQLite::OPEN_READONLY, 2000);
-    if (database.execAndGet("PRAGMA user_version").getInt() != newest_schema_version())
-      return invalid_input(concat("ledger ", file), "it is of another version than this program",
-                           "start the dispatcher once to migrate it");
-    Statements sql(database);
+  const auto ledger = open_read_only(directory);
+  if (!ledger) return tl::unexpected(ledger.error());
+  return guarded((*ledger)->database, [&]() -> Result<LedgerFigures> {
+    Statements& sql = (*ledger)->sql;
     LedgerFigures figures;
     read_jobs(sql, figures, now_ns);
     read_latencies(sql, figures);
     read_upkeep(sql, figures);
     return figures;
-  } catch (const SQLite::Exception& problem) {
-    return tl::unexpected(error_of(problem, file));
-  }
+  });
 }
 
 }  // namespace flamefield

@@ -15,9 +15,9 @@ namespace flamefield {
 // rows.
 struct LedgerFigures {
   std::map<std::pair<Priority, JobState>, std::int64_t> jobs;  // in line, and worked on
-  double oldest_waiting_s = 0;            // job in line; 0: none
-  std::vector<double> pulse_to_volume_s;  // of the newest live runs, sorted
-  std::vector<double> set_to_stored_s;    // of the newest sets, sorted
+  double oldest_waiting_s = 0;                                 // job in line; 0: none
+  std::vector<double> pulse_to_volume_s;                       // of the newest live runs, sorted
+  std::vector<double> set_to_stored_s;                         // of the newest sets, sorted
   std::map<std::string, std::vector<double>>
       stage_s;  // queue, fetch, prepare, solve, write; of the newest runs, sorted
   std::map<std::string, std::int64_t> schedule_outcomes;

@@ -4,49 +4,29 @@
 #include <cmath>
 #include <limits>
 
-#include "services/ledger/database.h"
-#include "services/ledger/ledger.h"
-#include "services/ledger/schema.h"
+#include "services/ledger/read_only.h"
 
 namespace flamefield {
 
-struct LedgerQuery::Impl {
-  explicit Impl(const std::string& file) : database(file, SQLite::OPEN_READONLY, 5000), sql(database) {}
-
-  // A statement of its own: its text depends on the filter.
-  SQLite::Statement prepared(const std::string& text, const Filter& filter) {
-    SQLite::Statement statement(database, text);
-    int i = 0;
-    for (const FilterValue& value : filter.values)
-      std::visit([&](const auto& v) { statement.bind(++i, v); }, value);
-    return statement;
-  }
-
-  SQLite::Database database;
-  Statements sql;
-};
-
-LedgerQuery::LedgerQuery(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+LedgerQuery::LedgerQuery(std::unique_ptr<ReadOnlyLedger> ledger) : ledger_(std::move(ledger)) {}
 LedgerQuery::LedgerQuery(LedgerQuery&&) noexcept = default;
 LedgerQuery::~LedgerQuery() = default;
 
 Result<LedgerQuery> LedgerQuery::open(const std::filesystem::path& directory) {
-  const std::string file = ledger_path(directory).string();
-  if (!std::filesystem::exists(file))
-    return not_found(concat("ledger ", file), "no such file",
-                     "has anything been captured in this directory?");
-  try {
-    auto impl = std::make_unique<Impl>(file);
-    if (impl->database.execAndGet("PRAGMA user_version").getInt() != newest_schema_version())
-      return invalid_input(concat("ledger ", file), "it is of another version than this program",
-                           "start the dispatcher once to migrate it");
-    return LedgerQuery(std::move(impl));
-  } catch (const SQLite::Exception& exception) {
-    return tl::unexpected(error_of(exception, file));
-  }
+  return open_read_only(directory).map(
+      [](std::unique_ptr<ReadOnlyLedger> ledger) { return LedgerQuery(std::move(ledger)); });
 }
 
 namespace {
+
+// A statement of its own: its text depends on the filter.
+SQLite::Statement prepared(SQLite::Database& database, const std::string& text, const Filter& filter) {
+  SQLite::Statement statement(database, text);
+  int i = 0;
+  for (const FilterValue& value : filter.values)
+    std::visit([&](const auto& v) { statement.bind(++i, v); }, value);
+  return statement;
+}
 
 // What is done, with as much around it as the condition asks for: an index holds all that is asked most
 // often.
@@ -69,13 +49,6 @@ std::string where(const Filter& filter) {
   return filter.condition.empty() ? std::string() : " WHERE " + filter.condition;
 }
 
-JobState state_from(const std::string& name) {
-  for (JobState state : {JobState::Queued, JobState::Leased, JobState::Done}) {
-    if (name_of(state) == name) return state;
-  }
-  return JobState::Failed;
-}
-
 // What is known of work before it is done.
 Run run_of(const Job& job) {
   Run run;
@@ -95,7 +68,7 @@ Result<WorkRow> read_work(Statements& sql, std::int64_t job_id) {
       "JOIN runs r ON r.job_id = j.id WHERE j.id = ?1",
       job_id);
   row.executeStep();
-  work.state = state_from(row.getColumn(0).getString());
+  work.state = job_state_from_name(row.getColumn(0).getString()).value_or(JobState::Failed);
   work.reason = row.getColumn(1).getString();
   work.committed_time_ns = row.getColumn(2).getInt64();
   work.retired = row.getColumn(5).getInt() != 0;
@@ -128,17 +101,17 @@ Result<WorkRow> read_work(Statements& sql, std::int64_t job_id) {
 }  // namespace
 
 Result<std::vector<WorkRow>> LedgerQuery::work(const Filter& filter, std::int64_t limit) {
-  return guarded(impl_->database, [&]() -> Result<std::vector<WorkRow>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<WorkRow>> {
     // First which ones, without touching their records; then each of the few.
     const std::string which =
         filter.mentions_state
             ? concat("SELECT j.id", kAny, where(filter), " ORDER BY j.id DESC LIMIT ", limit)
             : concat("SELECT r.job_id", done(filter.condition), where(filter),
                      " ORDER BY r.committed_time_ns DESC LIMIT ", limit);
-    auto row = impl_->prepared(which, filter);
+    auto row = prepared(ledger_->database, which, filter);
     std::vector<WorkRow> rows;
     while (row.executeStep()) {
-      auto work = read_work(impl_->sql, row.getColumn(0).getInt64());
+      auto work = read_work(ledger_->sql, row.getColumn(0).getInt64());
       if (!work) return tl::unexpected(work.error());
       rows.push_back(std::move(*work));
     }
@@ -146,19 +119,32 @@ Result<std::vector<WorkRow>> LedgerQuery::work(const Filter& filter, std::int64_
   });
 }
 
+Result<WorkRow> LedgerQuery::run(const std::string& run_id) {
+  return guarded(ledger_->database, [&]() -> Result<WorkRow> {
+    auto& row = ledger_->sql("SELECT job_id FROM runs WHERE id = ?1", run_id);
+    const bool found = row.executeStep();
+    const std::int64_t job_id = found ? row.getColumn(0).getInt64() : 0;
+    row.reset();
+    if (!found)
+      return not_found(concat("run ", run_id), "it is not in the ledger", "see 'flamefield runs list'");
+    return read_work(ledger_->sql, job_id);
+  });
+}
+
 Result<std::int64_t> LedgerQuery::count_work(const Filter& filter) {
-  return guarded(impl_->database, [&]() -> Result<std::int64_t> {
+  return guarded(ledger_->database, [&]() -> Result<std::int64_t> {
     const std::string from = filter.mentions_state ? std::string(kAny) : done(filter.condition);
-    auto row = impl_->prepared(concat("SELECT count(*)", from, where(filter)), filter);
+    auto row = prepared(ledger_->database, concat("SELECT count(*)", from, where(filter)), filter);
     row.executeStep();
     return row.getColumn(0).getInt64();
   });
 }
 
 Result<std::vector<SetId>> LedgerQuery::sets(const Filter& filter) {
-  return guarded(impl_->database, [&]() -> Result<std::vector<SetId>> {
-    auto row = impl_->prepared(
-        concat("SELECT s.capture, s.idx", kSets, where(filter), " ORDER BY s.capture, s.idx"), filter);
+  return guarded(ledger_->database, [&]() -> Result<std::vector<SetId>> {
+    auto row = prepared(ledger_->database,
+                        concat("SELECT s.capture, s.idx", kSets, where(filter), " ORDER BY s.capture, s.idx"),
+                        filter);
     std::vector<SetId> ids;
     while (row.executeStep()) ids.push_back({row.getColumn(0).getString(), row.getColumn(1).getInt64()});
     return ids;
@@ -166,15 +152,15 @@ Result<std::vector<SetId>> LedgerQuery::sets(const Filter& filter) {
 }
 
 Result<std::optional<Processing>> LedgerQuery::newest_processing() {
-  return guarded(impl_->database, [&]() -> Result<std::optional<Processing>> {
-    auto& row = impl_->sql("SELECT record FROM runs ORDER BY committed_time_ns DESC LIMIT 1");
+  return guarded(ledger_->database, [&]() -> Result<std::optional<Processing>> {
+    auto& row = ledger_->sql("SELECT record FROM runs ORDER BY committed_time_ns DESC LIMIT 1");
     if (row.executeStep()) {
       auto record = record_of<Finish>(row.getColumn(0));
       row.reset();
       if (!record) return tl::unexpected(record.error());
       return std::optional(std::move(record->run.processing));
     }
-    auto& plan = impl_->sql("SELECT record FROM live_plan");
+    auto& plan = ledger_->sql("SELECT record FROM live_plan");
     if (!plan.executeStep()) return std::optional<Processing>();
     auto record = record_of<LivePlan>(plan.getColumn(0));
     plan.reset();
@@ -184,8 +170,8 @@ Result<std::optional<Processing>> LedgerQuery::newest_processing() {
 }
 
 Result<bool> LedgerQuery::has_work(const Job& job) {
-  return guarded(impl_->database, [&]() -> Result<bool> {
-    auto& row = impl_->sql(
+  return guarded(ledger_->database, [&]() -> Result<bool> {
+    auto& row = ledger_->sql(
         "SELECT 1 FROM jobs j WHERE inputs_hash = ?1 AND recipe_hash = ?2 AND rig_id = ?3 AND "
         "program_version = ?4 AND state <> 'failed' AND NOT (state = 'done' AND EXISTS(SELECT 1 FROM "
         "artefacts a WHERE a.run_id = j.run_id AND retired_time_ns > 0))",
@@ -198,9 +184,9 @@ Result<bool> LedgerQuery::has_work(const Job& job) {
 }
 
 Result<PastWork> LedgerQuery::past_work(const std::string& solver, const Grid& grid) {
-  return guarded(impl_->database, [&]() -> Result<PastWork> {
+  return guarded(ledger_->database, [&]() -> Result<PastWork> {
     // The newest ones tell most of this machine as it is now.
-    auto& row = impl_->sql(
+    auto& row = ledger_->sql(
         "SELECT record FROM runs WHERE solver = ?1 ORDER BY committed_time_ns DESC LIMIT 200", solver);
     std::vector<double> seconds;
     PastWork past;
@@ -227,9 +213,9 @@ Result<PastWork> LedgerQuery::past_work(const std::string& solver, const Grid& g
 }
 
 Result<std::vector<AcceptedRigRow>> LedgerQuery::accepted_rigs() {
-  return guarded(impl_->database, [&]() -> Result<std::vector<AcceptedRigRow>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<AcceptedRigRow>> {
     std::vector<AcceptedRigRow> rows;
-    auto& row = impl_->sql(
+    auto& row = ledger_->sql(
         "SELECT rig_id, accepted_time_ns, since_ns, rms_px FROM accepted_rigs JOIN rigs ON rigs.id = rig_id "
         "ORDER BY accepted_time_ns DESC");
     while (row.executeStep())
@@ -242,8 +228,8 @@ Result<std::vector<AcceptedRigRow>> LedgerQuery::accepted_rigs() {
 }
 
 Result<std::optional<std::string>> LedgerQuery::rig_for(const SetId& id) {
-  return guarded(impl_->database, [&]() -> Result<std::optional<std::string>> {
-    auto& row = impl_->sql(
+  return guarded(ledger_->database, [&]() -> Result<std::optional<std::string>> {
+    auto& row = ledger_->sql(
         "SELECT a.rig_id FROM sets s, accepted_rigs a WHERE s.capture = ?1 AND s.idx = ?2 AND a.since_ns <= "
         "s.pulse_time_ns ORDER BY a.accepted_time_ns DESC LIMIT 1",
         id.capture, id.index);
@@ -255,9 +241,9 @@ Result<std::optional<std::string>> LedgerQuery::rig_for(const SetId& id) {
 }
 
 Result<std::vector<ScheduleRow>> LedgerQuery::schedules() {
-  return guarded(impl_->database, [&]() -> Result<std::vector<ScheduleRow>> {
+  return guarded(ledger_->database, [&]() -> Result<std::vector<ScheduleRow>> {
     std::vector<ScheduleRow> rows;
-    auto& row = impl_->sql(
+    auto& row = ledger_->sql(
         "SELECT d.record, d.last_due_ns, (SELECT count(*) FROM schedule_jobs x JOIN jobs j ON j.id = "
         "x.job_id "
         "WHERE x.schedule = d.name AND j.state IN ('queued', 'leased')), h.time_ns, h.outcome, h.text FROM "

@@ -13,6 +13,8 @@
 
 namespace flamefield {
 
+struct ReadOnlyLedger;
+
 // Work that was asked for, done or not. Of work that is not done, `run` holds what is known beforehand.
 struct WorkRow {
   Run run;
@@ -56,6 +58,7 @@ class LedgerQuery {
 
   // Newest first. A filter of FilterOver::Runs.
   Result<std::vector<WorkRow>> work(const Filter& filter, std::int64_t limit);
+  Result<WorkRow> run(const std::string& run_id);  // NotFound: no such run is done
   Result<std::int64_t> count_work(const Filter& filter);
   // In the order of captures and indices. A filter of FilterOver::Sets.
   Result<std::vector<SetId>> sets(const Filter& filter);
@@ -68,9 +71,8 @@ class LedgerQuery {
   Result<std::vector<ScheduleRow>> schedules();                 // by name
 
  private:
-  struct Impl;
-  explicit LedgerQuery(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  explicit LedgerQuery(std::unique_ptr<ReadOnlyLedger> ledger);
+  std::unique_ptr<ReadOnlyLedger> ledger_;
 };
 
 }  // namespace flamefield
