@@ -12,7 +12,7 @@ namespace {
 
 struct Arguments {
   std::filesystem::path data, keys, report;
-  std::string dispatcher, acquisition, calibration;
+  std::string dispatcher, acquisition, calibration, public_name;
   std::uint16_t port = 8080;
 };
 
@@ -25,6 +25,7 @@ Result<> serve(const Arguments& arguments) {
   Bus bus(*keys);
   HttpServerOptions http;
   http.port = arguments.port;
+  http.public_name = arguments.public_name;
   auto pages = Pages::open(
       bus, http,
       {.role = "operator",
@@ -50,6 +51,7 @@ int main(int argc, char** argv) {
   flamefield::Arguments arguments;
   app.add_option("--data", arguments.data, "the installation's data directory")->required();
   app.add_option("--port", arguments.port, "of the page; 0: any free one")->capture_default_str();
+  app.add_option("--public-name", arguments.public_name, "of a reverse proxy in front, see deploy/proxy");
   app.add_option("--report", arguments.report, "a report to link from the page");
   app.add_option("--dispatcher", arguments.dispatcher, "default: DATA/run/dispatcher.sock");
   app.add_option("--acquisition", arguments.acquisition, "default: DATA/run/acquisition.sock");

@@ -125,6 +125,7 @@ void run(const Options& options, const Session& session) {
   embedded.acquisition = acquisition_of(lab);
   embedded.data_dir = lab.data_directory;
   embedded.http_host = lab.http_host;
+  embedded.http_public_name = lab.http_public_name;
   embedded.http_port = lab.http_port;
   embedded.workers = lab.workers;
   embedded.threads_per_worker = lab.threads_per_worker;

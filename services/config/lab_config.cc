@@ -222,6 +222,7 @@ Result<LabConfig> read_lab_config(const std::filesystem::path& path) {
   read_calibration(keys, lab);
   keys.take("web.host", lab.http_host);
   keys.take("web.port", lab.http_port, 0, 65535);
+  keys.take("web.public_name", lab.http_public_name);
   keys.take("bus.dispatcher", lab.dispatcher_endpoint);
   keys.take("bus.events", lab.events_endpoint);
   keys.take("bus.acquisition", lab.acquisition_endpoint);

@@ -61,6 +61,7 @@ struct LabConfig {
   // [web]
   std::string http_host = "127.0.0.1";  // host
   int http_port = 8080;                 // port, [0, 65535]; 0: any free one
+  std::string http_public_name;         // public_name: of a reverse proxy in front; empty: none
   // [bus]; empty: within the process
   std::string dispatcher_endpoint;       // dispatcher, e.g. "tcp://10.0.0.1:7300"
   std::string events_endpoint;           // events

@@ -145,7 +145,7 @@ HttpResponse answer(const HttpRequest& request, const Guard& guard, const Gatewa
 Result<std::unique_ptr<Gateway>> Gateway::open(HttpServerOptions options, const std::string& token,
                                                GatewaySources sources) {
   if (auto ok = check_exposure(options.address); !ok) return tl::unexpected(ok.error());
-  Guard guard(token, options.address.starts_with("127.") || options.address == "::1");
+  Guard guard(token, options.public_name);
   std::unique_ptr<Gateway> gateway(new Gateway(options.address, std::move(guard), std::move(sources)));
   auto server = HttpServer::listen(std::move(options), [g = gateway.get()](const HttpRequest& request) {
     return answer(request, g->guard_, g->sources_);

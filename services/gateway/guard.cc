@@ -56,8 +56,9 @@ std::string Guard::cookie_name(const HttpRequest& request) const {
 
 std::optional<HttpResponse> Guard::refuse(const HttpRequest& request) const {
   const std::string host = request.header("host"), origin = request.header("origin");
-  if (is_loopback_ && !host.empty() && !is_this_machine(host_name(host))) {
-    return refusal(403, "this page is served as localhost or 127.0.0.1 only");
+  const std::string name = host_name(host);
+  if (!name.empty() && !is_this_machine(name) && name != public_name_) {
+    return refusal(403, "this page is served as localhost, 127.0.0.1 or web.public_name only");
   }
   if (!origin.empty() && origin != "http://" + host && origin != "https://" + host) {
     return refusal(403, "pages of other sites may not ask here");
@@ -85,8 +86,10 @@ std::optional<HttpResponse> Guard::refuse_command(const HttpRequest& request) co
 std::optional<std::string> Guard::cookie_for(const HttpRequest& page) const {
   if (token_.empty()) return std::nullopt;
   const auto given = query_value(page.query, "token");
-  if (!is_loopback_ && !(given && equal(*given, token_))) return std::nullopt;
-  return concat(cookie_name(page), "=", token_, "; Path=/; HttpOnly; SameSite=Strict");
+  const bool is_near = is_this_machine(host_name(page.header("host")));
+  if (!is_near && !(given && equal(*given, token_))) return std::nullopt;
+  return concat(cookie_name(page), "=", token_, "; Path=/; HttpOnly; SameSite=Strict",
+                is_near ? "" : "; Secure");
 }
 
 Result<std::string> token_in(const std::filesystem::path& file) {

@@ -12,9 +12,11 @@ namespace flamefield {
 // send it from a page of ours.
 class Guard {
  public:
-  // `is_loopback`: only this machine reaches the port, so its pages get the token by themselves. Elsewhere a
-  // page gets it by being opened as /?token=TOKEN once.
-  Guard(std::string token, bool is_loopback) : token_(std::move(token)), is_loopback_(is_loopback) {}
+  // Pages that are asked for as localhost or 127.x.y.z get the token by themselves: only this machine reaches
+  // the port. `public_name` is what a reverse proxy in front is called; a page asked for by that name gets
+  // the token by being opened as /?token=TOKEN once. Empty: there is none.
+  explicit Guard(std::string token, std::string public_name = {})
+      : token_(std::move(token)), public_name_(std::move(public_name)) {}
 
   // The refusal of a request that must not be answered at all: addressed to a name that is not ours (a
   // foreign page whose name was made to point here, "DNS rebinding"), or sent by a page of somebody else.
@@ -28,8 +30,7 @@ class Guard {
 
  private:
   std::string cookie_name(const HttpRequest& request) const;
-  std::string token_;
-  bool is_loopback_;
+  std::string token_, public_name_;
 };
 
 // The token in `file`, made at random and readable by its owner only when there is none yet.

@@ -42,8 +42,9 @@ struct HttpResponse {
 using HttpHandler = std::function<HttpResponse(const HttpRequest&)>;
 
 struct HttpServerOptions {
-  std::string address = "127.0.0.1";  // a numeric address; 0.0.0.0: everybody may connect
+  std::string address = "127.0.0.1";  // a numeric address
   std::uint16_t port = 8080;          // 0: any free one
+  std::string public_name = {};       // of a reverse proxy in front; empty: none
   int threads = 2;
   int max_connections = 256;  // further ones are closed at once
   std::uint32_t max_header_bytes = 8192;

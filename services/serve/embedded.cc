@@ -74,6 +74,7 @@ Result<std::unique_ptr<Embedded>> Embedded::start(Bus& bus, const EmbeddedOption
     HttpServerOptions http;
     http.address = options.http_host;
     http.port = static_cast<std::uint16_t>(options.http_port);
+    http.public_name = options.http_public_name;
     auto pages = Pages::open(
         bus, http,
         {.role = "operator",

@@ -21,8 +21,9 @@ struct EmbeddedOptions {
   std::vector<std::string> event_endpoints = {"inproc://events"};
   int workers = 0;                      // 0: one a core, which beats one worker with many threads
   int threads_per_worker = 0;           // 0: the cores, shared out
-  std::string http_host = "127.0.0.1";  // other addresses show the live page to the network
+  std::string http_host = "127.0.0.1";  // a loopback address
   int http_port = 8080;                 // 0: any free one, negative: no page
+  std::string http_public_name;         // of a reverse proxy in front; empty: none
   std::filesystem::path report;         // linked from the live page; empty: none
 };
 

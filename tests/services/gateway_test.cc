@@ -187,17 +187,30 @@ TEST_F(GatewayTest, PagesOfOthersCannotCommandReadOrWatch) {
   EXPECT_TRUE(asked("Host: " + host() + "\r\n").starts_with("HTTP/1.1 426"));
 }
 
-TEST_F(GatewayTest, ThePageBringsTheTokenOnLoopbackOnly) {
+TEST_F(GatewayTest, ThePageBringsTheTokenOnThisMachineOnly) {
   EXPECT_TRUE(
       contains(exchange(concat("GET / HTTP/1.1\r\nHost: ", host(), "\r\nConnection: close\r\n\r\n")),
                concat("Set-Cookie: flamefield-", port_, "=", kToken, "; Path=/; HttpOnly; SameSite=Strict")));
-  const Guard network("secret", false);
-  const HttpRequest plain{"GET", "/", "", {{"host", "lab:8080"}}, ""},
-      opened{"GET", "/", "token=secret", {{"host", "lab:8080"}}, ""},
-      guessed{"GET", "/", "token=secreT", {{"host", "lab:8080"}}, ""};
-  EXPECT_FALSE(network.cookie_for(plain));
-  EXPECT_FALSE(network.cookie_for(guessed));
-  EXPECT_TRUE(network.cookie_for(opened));
+  const Guard proxied("secret", "lab.example");
+  const HttpRequest plain{"GET", "/", "", {{"host", "lab.example"}}, ""},
+      opened{"GET", "/", "token=secret", {{"host", "lab.example"}}, ""},
+      guessed{"GET", "/", "token=secreT", {{"host", "lab.example"}}, ""};
+  EXPECT_FALSE(proxied.cookie_for(plain));
+  EXPECT_FALSE(proxied.cookie_for(guessed));
+  ASSERT_TRUE(proxied.cookie_for(opened));
+  EXPECT_TRUE(proxied.cookie_for(opened)->ends_with("; Secure"));
+}
+
+TEST(Guard, AProxyIsServedUnderItsNameAndNoOther) {
+  const Guard proxied("secret", "lab.example"), alone("secret");
+  const auto from = [](const std::string& host, const std::string& origin) {
+    return HttpRequest{"POST", "/", "", {{"host", host}, {"origin", origin}}, ""};
+  };
+  EXPECT_FALSE(proxied.refuse(from("lab.example", "https://lab.example")));
+  EXPECT_FALSE(proxied.refuse(from("127.0.0.1:8080", "http://127.0.0.1:8080")));
+  EXPECT_TRUE(proxied.refuse(from("lab.example", "https://evil.example")));
+  EXPECT_TRUE(proxied.refuse(from("evil.example", "https://evil.example")));
+  EXPECT_TRUE(alone.refuse(from("lab.example", "https://lab.example")));
 }
 
 TEST_F(GatewayTest, AnUploadOfAGigabyteIsRefusedAtOnce) {

@@ -30,9 +30,11 @@ bool answers(std::uint16_t port) {
 TEST(HttpFuzz, NoiseLiesAndFloodsHarmNobody) {
   Scratch scratch;
   GatewaySources sources;
-  sources.status_json = [] { return std::string("{\"ok\":1}"); };
+  sources.api = [](std::string_view, const HttpRequest&) {
+    return std::optional(HttpResponse{.body = "{\"ok\":1}", .file = {}, .headers = {}});
+  };
   sources.volumes_folder = scratch.path();
-  auto gateway = Gateway::open({.port = 0, .timeout_s = 1}, sources);
+  auto gateway = Gateway::open({.port = 0, .timeout_s = 1}, "", sources);
   ASSERT_TRUE(gateway) << gateway.error().message;
   std::jthread thread([&](std::stop_token stop) { (*gateway)->run(stop); });
   const std::uint16_t port = port_in((*gateway)->url());
@@ -45,7 +47,8 @@ TEST(HttpFuzz, NoiseLiesAndFloodsHarmNobody) {
       "POST / HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\nFFFFFFFFFFFFFFFF\r\nabc",
       "GET / HTTP/9.9\r\n" + std::string(9000, 'a') + ": b\r\n\r\n",
       "GET /" + std::string(20000, 'a') + " HTTP/1.1\r\n\r\n",
-      "GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Key: "
+      "GET /api/v1/live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: "
+      "Upgrade\r\nSec-WebSocket-Key: "
       "!!\r\n\r\n\x81\xff",
   };
   for (int n = 0; n < 300; ++n) {
@@ -68,7 +71,7 @@ TEST(HttpExposure, OnlyThisMachineMayReachThePage) {
   for (const char* near : {"127.0.0.1", "127.8.9.1", "::1"}) EXPECT_TRUE(check_exposure(near)) << near;
   for (const char* far : {"0.0.0.0", "192.168.7.1", "::", "fe80::1", "localhost", "127.1", ""})
     EXPECT_FALSE(check_exposure(far)) << far;
-  const auto gateway = Gateway::open({.address = "0.0.0.0", .port = 0}, {});
+  const auto gateway = Gateway::open({.address = "0.0.0.0", .port = 0}, "", {});
   ASSERT_FALSE(gateway);
   EXPECT_EQ(gateway.error().code, ErrorCode::InvalidInput);
   EXPECT_NE(gateway.error().message.find("deploy/proxy"), std::string::npos);
