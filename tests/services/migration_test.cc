@@ -1,3 +1,4 @@
+#include <SQLiteCpp/Database.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
@@ -6,20 +7,23 @@
 #include "services/ledger/ledger.h"
 #include "services/ledger/query.h"
 #include "services/ledger/reader.h"
+#include "services/ledger/schema.h"
 #include "tests/services/support.h"
 
 namespace flamefield {
 namespace {
 
-// A ledger as an earlier version of the program left it.
+// A ledger of the first version, or as a later one that had taken it over left it.
 class OldLedger {
  public:
   explicit OldLedger(int version) {
-    const auto sql = std::filesystem::path(FLAMEFIELD_TEST_DATA) / concat("ledger-schema-", version, ".sql");
+    const auto sql = std::filesystem::path(FLAMEFIELD_TEST_DATA) / "ledger-schema-1.sql";
     const std::string command =
         concat("sqlite3 ", ledger_path(scratch_.path()).string(), " < ", sql.string(), " && sqlite3 ",
                ledger_path(scratch_.path()).string(), " 'PRAGMA journal_mode=WAL' >/dev/null");
     EXPECT_EQ(std::system(command.c_str()), 0) << "is sqlite3 installed?";
+    SQLite::Database database(ledger_path(scratch_.path()).string(), SQLite::OPEN_READWRITE);
+    EXPECT_TRUE(migrate(database, version));
   }
   const std::filesystem::path& path() const { return scratch_.path(); }
 
@@ -27,22 +31,8 @@ class OldLedger {
   Scratch scratch_;
 };
 
-TEST(Migration, AReaderOfAnOldLedgerAsksForMigration) {
-  const OldLedger old(1);
-  const auto reader = LedgerReader::open(old.path());
-  ASSERT_FALSE(reader);
-  EXPECT_EQ(reader.error().code, ErrorCode::InvalidInput);
-  EXPECT_FALSE(LedgerQuery::open(old.path()));
-  EXPECT_FALSE(Books::open(old.path()));
-}
-
-TEST(Migration, TheFirstSchemaKeepsEverythingOnTheWayToTheNewest) {
-  const OldLedger old(1);
-  {
-    auto ledger = Ledger::open(old.path());
-    ASSERT_TRUE(ledger) << ledger.error().message;
-    EXPECT_EQ(ledger->status()->sets, 5);
-  }
+// `old` was opened for writing, and has to hold what was in the dump.
+void expect_everything_kept(const OldLedger& old) {
   EXPECT_TRUE(Books::open(old.path())->integrity()->empty());
   auto reader = LedgerReader::open(old.path());
   ASSERT_TRUE(reader) << reader.error().message;
@@ -62,6 +52,28 @@ TEST(Migration, TheFirstSchemaKeepsEverythingOnTheWayToTheNewest) {
   EXPECT_EQ(
       LedgerQuery::open(old.path())->work(*parse_filter("solver = hessian and not stale", 0), 10)->size(),
       2u);
+}
+
+TEST(Migration, AReaderOfAnOldLedgerAsksForMigration) {
+  const OldLedger old(1);
+  const auto reader = LedgerReader::open(old.path());
+  ASSERT_FALSE(reader);
+  EXPECT_EQ(reader.error().code, ErrorCode::InvalidInput);
+  EXPECT_FALSE(LedgerQuery::open(old.path()));
+  EXPECT_FALSE(Books::open(old.path()));
+}
+
+TEST(Migration, EveryEarlierSchemaKeepsEverythingOnTheWayToTheNewest) {
+  for (int version = 1; version < newest_schema_version(); ++version) {
+    SCOPED_TRACE(concat("from version ", version));
+    const OldLedger old(version);
+    {
+      auto ledger = Ledger::open(old.path());
+      ASSERT_TRUE(ledger) << ledger.error().message;
+      EXPECT_EQ(ledger->status()->sets, 5);
+    }
+    expect_everything_kept(old);
+  }
 }
 
 TEST(Migration, OpeningAgainChangesNothing) {
