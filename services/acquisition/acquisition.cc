@@ -111,7 +111,8 @@ std::optional<Message> Acquisition::answer(const Delivery& delivery) {
   const Message& question = *delivery.message;
   if (!may_send(delivery.role, question)) {
     return Rejected{invalid_input("request to the camera array",
-                                  concat("a ", delivery.role, " may not send it"), "use the key of an operator")
+                                  concat("a ", delivery.role, " may not send it"),
+                                  "use the key of an operator")
                         .value()};
   }
   if (const auto* request = std::get_if<StartCapture>(&question)) return start(*request);

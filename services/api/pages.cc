@@ -18,7 +18,8 @@ std::string metrics_text(LiveServices& services) {
   const auto ledger = ledger_figures(services.data_dir(), utc_now_ns());
   return prometheus_text(array ? std::optional(*array) : std::nullopt,
                          status ? std::optional(*status) : std::nullopt) +
-         prometheus_text(ledger ? std::optional(*ledger) : std::nullopt, machine_figures(services.data_dir()));
+         prometheus_text(ledger ? std::optional(*ledger) : std::nullopt,
+                         machine_figures(services.data_dir()));
 }
 
 }  // namespace

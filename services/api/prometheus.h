@@ -5,8 +5,8 @@
 
 #include "proto/capture.h"
 #include "proto/message.h"
-#include "services/ledger/figures.h"
 #include "services/api/machine_figures.h"
+#include "services/ledger/figures.h"
 
 namespace flamefield {
 

@@ -6,19 +6,16 @@
 #include "reconstruct/solver.h"
 #include "services/api/call.h"
 #include "services/api/recipe_json.h"
+#include "services/config/recipe_file.h"
+#include "services/ledger/query.h"
 #include "services/ledger/run_list.h"
+#include "services/reprocess/plan.h"
 
 namespace flamefield {
 namespace {
 
 using Json = nlohmann::ordered_json;
 constexpr std::size_t kMostRuns = 10'000;
-
-// What one order to the dispatcher holds: sets that share a rig, a grid and reference captures.
-struct Order {
-  Submit submit;
-  std::vector<double> seconds;  // of earlier runs of these sets with the same solver
-};
 
 Result<std::vector<std::string>> run_ids_in(const nlohmann::json& body) {
   std::vector<std::string> ids;
@@ -32,93 +29,57 @@ Result<std::vector<std::string>> run_ids_in(const nlohmann::json& body) {
   return ids;
 }
 
-// The sets of the given runs once more, with another recipe; `only_first` keeps one set, for a preview.
-Result<std::vector<Order>> orders_of(const Call& call, const nlohmann::json& body) {
+// The given runs once more with another recipe; `only_first` keeps one volume, ahead of everything else.
+Result<ReprocessPlan> plan_in(const Call& call, const nlohmann::json& body) {
   const auto ids = run_ids_in(body);
   if (!ids) return tl::unexpected(ids.error());
   const auto recipe = recipe_from(body);
   if (!recipe) return tl::unexpected(recipe.error());
-  if (auto ok = validate_recipe(*recipe); !ok) return tl::unexpected(ok.error());
-  auto ledger = call.services.ledger();
+  auto ledger = LedgerQuery::open(call.services.data_dir());
   if (!ledger) return tl::unexpected(ledger.error());
+  ReprocessOrder order;
+  order.recipe = toml_of(*recipe);
+  auto plan = plan_reprocessing(*ledger, *ids, order, validate_recipe);
+  if (!plan) return plan;
   const bool only_first = body.value("only_first", false);
-  std::map<std::string, Order> orders;
-  for (const std::string& id : *ids) {
-    auto run = ledger->run(id);
-    if (!run) return tl::unexpected(run.error());
-    Processing processing = run->run.processing;
-    const Combine combine = run->run.inputs.size() > 1 ? Combine::Mean : Combine::Each;
-    // Means of different sets are orders of their own.
-    const std::string key =
-        concat(processing.rig_id, ' ', processing.dark_capture, ' ', processing.background_capture, ' ',
-               processing.flat_capture, ' ', processing.grid.nx, 'x', processing.grid.ny, 'x',
-               processing.grid.nz, ' ', processing.grid.spacing_mm.transpose(), ' ',
-               processing.grid.origin_mm.transpose(), ' ', combine == Combine::Mean ? id : "");
-    Order& order = orders[key];
-    // What the camera's pixels mean belongs to the recording, not to the choice of a solver.
-    Recipe merged = *recipe;
-    for (const auto& [name, value] : processing.recipe.settings) {
-      if (name.starts_with("prepare.")) merged.settings.try_emplace(name, value);
-    }
-    const bool same_solver = processing.recipe.solver == recipe->solver;
-    processing.recipe = std::move(merged);
-    order.submit.processing = std::move(processing);
-    order.submit.combine = combine;
-    order.submit.submitter = "page";
-    order.submit.priority = only_first ? Priority::Live : Priority::Interactive;
-    order.submit.sets.insert(order.submit.sets.end(), run->run.inputs.begin(), run->run.inputs.end());
-    if (same_solver) {
-      const RunTimings& t = run->run.timings;
-      order.seconds.push_back(t.fetch_s + t.prepare_s + t.solve_s + t.write_s);
-    }
-    if (only_first) break;
+  if (only_first) *plan = preview_of(*plan);
+  for (Submit& submit : plan->orders) {
+    submit.submitter = "page";
+    submit.priority = only_first ? Priority::Live : Priority::Interactive;
   }
-  std::vector<Order> out;
-  for (auto& [key, order] : orders) {
-    auto& sets = order.submit.sets;
-    std::ranges::sort(sets);
-    sets.erase(std::unique(sets.begin(), sets.end()), sets.end());
-    out.push_back(std::move(order));
-  }
-  return out;
+  return plan;
 }
 
 HttpResponse submit(const Call& call, const nlohmann::json& body) {
-  const auto orders = orders_of(call, body);
-  if (!orders) return error_answer(orders.error());
-  Json jobs = Json::array(), runs = Json::array();
-  std::int64_t identical = 0;
-  for (const Order& order : *orders) {
-    const auto submitted = call.services.ask_dispatcher<Submitted>(order.submit, std::chrono::seconds(30));
-    if (!submitted) return error_answer(submitted.error());
-    for (const std::int64_t job : submitted->job_ids) jobs.push_back(job);
-    for (const std::string& run : submitted->run_ids) runs.push_back(run);
-    identical += submitted->identical;
-  }
-  return json_answer({{"jobs", std::move(jobs)}, {"runs", std::move(runs)}, {"identical", identical}}, 202);
+  const auto plan = plan_in(call, body);
+  if (!plan) return error_answer(plan.error());
+  const auto submitted = submit_plan(*plan, [&](const Submit& order) {
+    return call.services.ask_dispatcher<Submitted>(order, std::chrono::seconds(30));
+  });
+  if (!submitted) return error_answer(submitted.error());
+  return json_answer(
+      {{"jobs", submitted->job_ids}, {"runs", submitted->run_ids}, {"identical", submitted->identical}}, 202);
 }
 
-// The median of what the same solver took for these sets; null when it was never run on them.
+// From what the same solver took before; null when it was never run.
 HttpResponse estimate(const Call& call, const nlohmann::json& body) {
-  auto orders = orders_of(call, body);
-  if (!orders) return error_answer(orders.error());
-  std::size_t volumes = 0;
-  std::vector<double> seconds;
-  for (const Order& order : *orders) {
-    volumes += order.submit.combine == Combine::Mean ? 1 : order.submit.sets.size();
-    seconds.insert(seconds.end(), order.seconds.begin(), order.seconds.end());
-  }
+  const auto plan = plan_in(call, body);
+  if (!plan) return error_answer(plan.error());
   const auto status = call.services.ask_dispatcher<Status>(GetStatus{});
   const std::size_t workers = status ? std::max<std::size_t>(status->workers.size(), 1) : 1;
-  Json each = nullptr, total = nullptr;
-  if (!seconds.empty()) {
-    const auto middle = seconds.begin() + static_cast<std::ptrdiff_t>(seconds.size() / 2);
-    std::ranges::nth_element(seconds, middle);
-    each = *middle;
-    total = *middle * static_cast<double>(volumes) / static_cast<double>(workers);
+  const std::int64_t volumes = plan->volumes();
+  Json each = nullptr, total = nullptr, memory = nullptr;
+  if (plan->past_runs > 0 && volumes > 0) {
+    each = plan->seconds / static_cast<double>(volumes);
+    total = plan->seconds / static_cast<double>(workers);
+    memory = plan->peak_rss_mib;
   }
-  return json_answer(
-      {{"volumes", volumes}, {"workers", workers}, {"seconds_each", each}, {"seconds_in_all", total}});
+  return json_answer({{"volumes", volumes},
+                      {"identical", plan->identical.size()},
+                      {"workers", workers},
+                      {"seconds_each", each},
+                      {"seconds_in_all", total},
+                      {"peak_rss_mib", memory}});
 }
 
 HttpResponse jobs(const Call& call) {

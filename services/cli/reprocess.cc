@@ -4,10 +4,12 @@
 #include <cmath>
 #include <iostream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <thread>
 
 #include "proto/utc.h"
 #include "reconstruct/solver.h"
+#include "services/api/records_json.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 #include "services/cli/progress.h"
@@ -15,7 +17,6 @@
 #include "services/ledger/query.h"
 #include "services/ledger/reader.h"
 #include "services/reprocess/plan.h"
-#include "services/api/records_json.h"
 
 namespace flamefield {
 
@@ -41,7 +42,7 @@ void print_plan(const ReprocessPlan& plan, bool as_json) {
   if (as_json) {
     const bool known = plan.past_runs > 0;
     std::cout << Json{{"asked", plan.asked},
-                      {"identical", plan.identical},
+                      {"identical", plan.identical.size()},
                       {"volumes", plan.volumes()},
                       {"estimated_worker_s", known ? Json(plan.seconds) : Json(nullptr)},
                       {"estimated_peak_rss_mib", known ? Json(plan.peak_rss_mib) : Json(nullptr)},
@@ -50,8 +51,8 @@ void print_plan(const ReprocessPlan& plan, bool as_json) {
               << '\n';
     return;
   }
-  std::cout << plan.asked << " volumes asked for, " << plan.identical << " of them are there or in line, "
-            << plan.volumes() << " to make\n";
+  std::cout << plan.asked << " volumes asked for, " << plan.identical.size()
+            << " of them are there or in line, " << plan.volumes() << " to make\n";
   if (plan.volumes() == 0) return;
   if (plan.past_runs == 0)
     std::cout << "no estimate: nothing was recorded with these solvers yet (--preview makes one)\n";
@@ -69,19 +70,23 @@ Submitted submit(const Options& options, const ReprocessPlan& plan, const std::o
       plan, [&](const Submit& order) { return connection.client.ask_for<Submitted>(order, patience); }));
 }
 
-// Waits for the runs; a failed one ends the command with its reason.
-void wait_for(const Options& options, const std::vector<std::string>& run_ids, const Session& session) {
+// Waits for the runs; a job of them that fails ends the command with its reason.
+void wait_for(const Options& options, const Submitted& submitted, const Session& session) {
   ProgressBar bar("reprocess");
-  auto ledger = or_fail(LedgerReader::open(options.data.dir));
+  auto ledger = or_fail(LedgerQuery::open(options.data.dir));
+  auto jobs = or_fail(LedgerReader::open(options.data.dir));
+  const std::set<std::int64_t> ours(submitted.job_ids.begin(), submitted.job_ids.end());
+  const auto& run_ids = submitted.run_ids;
   std::size_t done = 0;
   while (done < run_ids.size()) {
     session.check_stop();
-    if (ledger.run(run_ids[done])) {
+    const auto run = ledger.run(run_ids[done]);
+    if (run && run->state == JobState::Done && !run->retired) {
       bar.update(static_cast<double>(++done), static_cast<double>(run_ids.size()), run_ids[done - 1]);
       continue;
     }
-    for (const JobRow& job : or_fail(ledger.jobs(JobState::Failed))) {
-      if (job.run_id == run_ids[done])
+    for (const JobRow& job : or_fail(jobs.jobs(JobState::Failed))) {
+      if (ours.contains(job.id))
         throw CommandFailure{ExitCode::Failed, concat("run ", job.run_id, " failed (", job.reason,
                                                       ") mend the cause and reprocess again")};
     }
@@ -90,16 +95,17 @@ void wait_for(const Options& options, const std::vector<std::string>& run_ids, c
 }
 
 void print_runs(const Options& options, const std::vector<std::string>& run_ids) {
-  auto ledger = or_fail(LedgerReader::open(options.data.dir));
+  auto ledger = or_fail(LedgerQuery::open(options.data.dir));
+  Json all = Json::array();
   for (const std::string& id : run_ids) {
-    const RunRow row = or_fail(ledger.run(id));
-    if (options.json)
-      std::cout << json_of(row).dump(2) << '\n';
-    else
-      std::cout << fmt::format("{}: {}, {} iterations, residual {:.4f}, {:.2f} s, {}\n", id, row.run.solver,
-                               row.run.iterations, row.run.residual, row.run.timings.solve_s,
-                               (options.data.dir / row.run.volume_path).string());
+    const WorkRow row = or_fail(ledger.run(id));
+    all.push_back(json_of(row));
+    if (options.json) continue;
+    std::cout << fmt::format("{}: {}, {} iterations, residual {:.4f}, {:.2f} s, {}\n", id, row.run.solver,
+                             row.run.iterations, row.run.residual, row.run.timings.solve_s,
+                             (options.data.dir / row.run.volume_path).string());
   }
+  if (options.json) std::cout << all.dump(2) << '\n';
 }
 
 void add_to_schedules(const Options& options, const ReprocessOrder& order, const std::optional<Rig>& rig) {
@@ -128,7 +134,7 @@ void run(const Options& options, const Session& session) {
   if (!options.json) print_plan(plan, false);
   const Submitted submitted = submit(options, plan, rig);
   if (options.preview || options.wait) {
-    wait_for(options, submitted.run_ids, session);
+    wait_for(options, submitted, session);
     return print_runs(options, submitted.run_ids);
   }
   if (options.json)

@@ -5,10 +5,10 @@
 #include <nlohmann/json.hpp>
 
 #include "proto/utc.h"
+#include "services/api/records_json.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 #include "services/ledger/query.h"
-#include "services/api/records_json.h"
 #include "services/store/rig_file.h"
 
 namespace flamefield {

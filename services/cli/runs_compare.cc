@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "proto/utc.h"
 #include "reconstruct/metrics.h"
 #include "services/cli/connection.h"
 #include "services/cli/runs_commands.h"
@@ -29,13 +28,7 @@ std::vector<WorkRow> chosen(const Options& options) {
   if (options.ids.empty()) return options.selection.read(options.data.dir);
   auto ledger = or_fail(LedgerQuery::open(options.data.dir));
   std::vector<WorkRow> rows;
-  for (const std::string& id : options.ids) {
-    auto found = or_fail(ledger.work(or_usage(parse_filter(concat("run = \"", id, "\""), utc_now_ns())), 1));
-    if (found.empty())
-      throw CommandFailure{ExitCode::Usage,
-                           concat("run ", id, " (it is not in the ledger) see 'flamefield runs list'")};
-    rows.push_back(std::move(found.front()));
-  }
+  for (const std::string& id : options.ids) rows.push_back(or_usage(ledger.run(id)));
   return rows;
 }
 

@@ -7,13 +7,13 @@
 
 #include "proto/utc.h"
 #include "reconstruct/solver.h"
+#include "services/api/records_json.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 #include "services/cli/reprocess_options.h"
 #include "services/ledger/query.h"
 #include "services/reprocess/plan.h"
 #include "services/scheduler/cron.h"
-#include "services/api/records_json.h"
 
 namespace flamefield {
 

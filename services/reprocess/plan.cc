@@ -1,7 +1,10 @@
 #include "services/reprocess/plan.h"
 
+#include <algorithm>
 #include <limits>
 #include <map>
+#include <memory>
+#include <optional>
 #include <set>
 
 #include "proto/codec.h"
@@ -12,8 +15,7 @@ namespace flamefield {
 
 namespace {
 
-constexpr std::size_t kSetsPerOrder =
-    2000;  // a message stays small, and the dispatcher answers others between
+constexpr std::size_t kSetsPerOrder = 2000;  // the dispatcher answers others in between
 
 struct Piece {
   std::vector<SetId> inputs;
@@ -24,6 +26,15 @@ std::string both(const std::string& a, const std::string& b) {
   return a.empty() ? b : concat("(", a, ") and ", b);
 }
 
+// The calibration that now counts for the piece, if one was ever accepted for it.
+Result<> take_accepted_rig(LedgerQuery& ledger, Piece& piece) {
+  if (piece.inputs.empty()) return {};
+  const auto accepted = ledger.rig_for(piece.inputs.front());
+  if (!accepted) return tl::unexpected(accepted.error());
+  if (*accepted) piece.base.rig_id = **accepted;
+  return {};
+}
+
 Result<std::vector<Piece>> recorded_work(LedgerQuery& ledger, const ReprocessOrder& order,
                                          std::int64_t now_ns) {
   const auto filter = parse_filter(order.stale ? both(order.where, "stale") : order.where, now_ns);
@@ -31,7 +42,21 @@ Result<std::vector<Piece>> recorded_work(LedgerQuery& ledger, const ReprocessOrd
   auto rows = ledger.work(*filter, std::numeric_limits<std::int64_t>::max());
   if (!rows) return tl::unexpected(rows.error());
   std::vector<Piece> pieces;
-  for (WorkRow& row : *rows) pieces.push_back({std::move(row.run.inputs), std::move(row.run.processing)});
+  for (WorkRow& row : *rows) {
+    pieces.push_back({std::move(row.run.inputs), std::move(row.run.processing)});
+    if (!order.stale) continue;
+    if (auto ok = take_accepted_rig(ledger, pieces.back()); !ok) return tl::unexpected(ok.error());
+  }
+  return pieces;
+}
+
+Result<std::vector<Piece>> named_work(LedgerQuery& ledger, const std::vector<std::string>& run_ids) {
+  std::vector<Piece> pieces;
+  for (const std::string& id : run_ids) {
+    auto row = ledger.run(id);
+    if (!row) return tl::unexpected(row.error());
+    pieces.push_back({std::move(row->run.inputs), std::move(row->run.processing)});
+  }
   return pieces;
 }
 
@@ -50,9 +75,7 @@ Result<std::vector<Piece>> stored_sets(LedgerQuery& ledger, const ReprocessOrder
                      "start 'flamefield serve --rig rig.yaml' once");
   for (const SetId& id : *ids) {
     pieces.push_back({{id}, **base});
-    const auto accepted = ledger.rig_for(id);
-    if (!accepted) return tl::unexpected(accepted.error());
-    if (*accepted) pieces.back().base.rig_id = **accepted;
+    if (auto ok = take_accepted_rig(ledger, pieces.back()); !ok) return tl::unexpected(ok.error());
   }
   return pieces;
 }
@@ -94,7 +117,7 @@ class Orders {
     const auto there = ledger_.has_work(job);
     if (!there) return tl::unexpected(there.error());
     if (*there) {
-      ++plan_.identical;
+      plan_.identical.push_back(run_id_of(job));
       return {};
     }
     if (auto ok = estimate(processing, key); !ok) return ok;
@@ -136,12 +159,9 @@ class Orders {
   std::vector<std::unique_ptr<Submit>> orders_;
 };
 
-}  // namespace
-
-Result<ReprocessPlan> plan_reprocessing(LedgerQuery& ledger, const ReprocessOrder& order,
-                                        const RecipeCheck& check, std::int64_t now_ns) {
-  const auto as_typed = parse_filter(order.where, now_ns);  // its faults count characters as they were typed
-  if (!as_typed) return tl::unexpected(as_typed.error());
+// The order's changes, laid over each piece.
+Result<ReprocessPlan> plan_of(LedgerQuery& ledger, const std::vector<Piece>& pieces,
+                              const ReprocessOrder& order, const RecipeCheck& check) {
   std::optional<Recipe> other;
   if (!order.recipe.empty()) {
     auto parsed = parse_recipe(order.recipe, "recipe", check);
@@ -150,21 +170,12 @@ Result<ReprocessPlan> plan_reprocessing(LedgerQuery& ledger, const ReprocessOrde
   }
   const auto combinations = sweep_combinations(order.sweep);
   if (!combinations) return tl::unexpected(combinations.error());
-  const auto pieces = as_typed->mentions_runs || order.stale ? recorded_work(ledger, order, now_ns)
-                                                             : stored_sets(ledger, order, now_ns);
-  if (!pieces) return tl::unexpected(pieces.error());
   ReprocessPlan plan;
   Orders orders(ledger, plan);
-  for (const Piece& piece : *pieces) {
+  for (const Piece& piece : pieces) {
     if (piece.inputs.empty()) continue;
     Processing processing = piece.base;
-    if (!order.rig_id.empty()) {
-      processing.rig_id = order.rig_id;
-    } else if (order.stale) {
-      const auto accepted = ledger.rig_for(piece.inputs.front());
-      if (!accepted) return tl::unexpected(accepted.error());
-      processing.rig_id = accepted->value_or(processing.rig_id);
-    }
+    if (!order.rig_id.empty()) processing.rig_id = order.rig_id;
     for (const auto& combination : *combinations) {
       auto recipe = changed_recipe(piece.base.recipe, other, order.settings, combination, check);
       if (!recipe) return tl::unexpected(recipe.error());
@@ -176,9 +187,33 @@ Result<ReprocessPlan> plan_reprocessing(LedgerQuery& ledger, const ReprocessOrde
   return plan;
 }
 
+}  // namespace
+
+Result<ReprocessPlan> plan_reprocessing(LedgerQuery& ledger, const ReprocessOrder& order,
+                                        const RecipeCheck& check, std::int64_t now_ns) {
+  const auto as_typed = parse_filter(order.where, now_ns);  // its faults count characters as they were typed
+  if (!as_typed) return tl::unexpected(as_typed.error());
+  const auto pieces = as_typed->mentions_runs || order.stale ? recorded_work(ledger, order, now_ns)
+                                                             : stored_sets(ledger, order, now_ns);
+  if (!pieces) return tl::unexpected(pieces.error());
+  return plan_of(ledger, *pieces, order, check);
+}
+
+Result<ReprocessPlan> plan_reprocessing(LedgerQuery& ledger, const std::vector<std::string>& run_ids,
+                                        const ReprocessOrder& order, const RecipeCheck& check) {
+  const auto pieces = named_work(ledger, run_ids);
+  if (!pieces) return tl::unexpected(pieces.error());
+  return plan_of(ledger, *pieces, order, check);
+}
+
 ReprocessPlan preview_of(const ReprocessPlan& plan) {
   ReprocessPlan preview;
-  if (plan.orders.empty()) return preview;
+  if (plan.orders.empty()) {
+    preview.identical.assign(plan.identical.begin(),
+                             plan.identical.begin() + (plan.identical.empty() ? 0 : 1));
+    preview.asked = static_cast<std::int64_t>(preview.identical.size());
+    return preview;
+  }
   Submit first = plan.orders.front();
   if (first.combine == Combine::Each) first.sets.resize(1);
   first.priority = Priority::Interactive;
@@ -200,7 +235,8 @@ Result<Submitted> submit_plan(const ReprocessPlan& plan,
     all.run_ids.insert(all.run_ids.end(), answer->run_ids.begin(), answer->run_ids.end());
     all.identical += answer->identical;
   }
-  all.identical += plan.identical;
+  all.run_ids.insert(all.run_ids.end(), plan.identical.begin(), plan.identical.end());
+  all.identical += static_cast<std::int64_t>(plan.identical.size());
   return all;
 }
 

@@ -72,7 +72,8 @@ class Capturer {
     if (!opened) return;
     service_ = std::move(*opened);
     thread_ = std::jthread([this](std::stop_token stop) { EXPECT_TRUE(service_->run(stop)); });
-    client_.emplace(Client::connect(bus, "operator", unique_name("operator"), "inproc://acquisition").value());
+    client_.emplace(
+        Client::connect(bus, "operator", unique_name("operator"), "inproc://acquisition").value());
   }
   CaptureState ask(const Message& question) {
     auto state = client_->ask_for<CaptureState>(question, kSlowdown * std::chrono::seconds(40));

@@ -220,9 +220,11 @@ export interface Submitted {
 }
 export interface Estimate {
   volumes: number;
+  identical: number;
   workers: number;
   seconds_each: number | null;
   seconds_in_all: number | null;
+  peak_rss_mib: number | null;
 }
 export interface Jobs {
   queued: number;

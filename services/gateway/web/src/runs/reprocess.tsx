@@ -78,7 +78,7 @@ export function Reprocess({ runs, onClose, onDone }: { runs: RunLine[]; onClose:
             </select>
           </label>
           <RecipeForm solvers={solvers.value} draft={draft} change={change} />
-          {estimate && <p role="status">{count(estimate.volumes)} volumes on {estimate.workers} workers: {estimate.seconds_in_all === null ? "this solver was never run on these sets, so its time is not known. Try one set first." : `about ${duration(estimate.seconds_in_all)} (${duration(estimate.seconds_each)} each)`}</p>}
+          {estimate && <p role="status">{estimate.identical > 0 && `${count(estimate.identical)} are there already. `}{count(estimate.volumes)} volumes on {estimate.workers} workers{estimate.volumes === 0 ? "." : estimate.seconds_in_all === null ? ": this solver was never run here, so its time is not known. Try one set first." : `: about ${duration(estimate.seconds_in_all)} (${duration(estimate.seconds_each)} each), ${count(Math.round(estimate.peak_rss_mib ?? 0))} MiB.`}</p>}
           {preview && <JobsProgress submitted={preview} />}
           <div class="buttons">
             <button type="button" class="primary" disabled={busy} onClick={() => ask<Submitted>("reprocess", {}, setSubmitted)}>Reprocess</button>
