@@ -82,7 +82,8 @@ void wait_for(const Options& options, const Submitted& submitted, const Session&
     session.check_stop();
     const auto run = ledger.run(run_ids[done]);
     if (run && run->state == JobState::Done && !run->retired) {
-      bar.update(static_cast<double>(++done), static_cast<double>(run_ids.size()), run_ids[done - 1]);
+      const std::string& id = run_ids[done++];
+      bar.update(static_cast<double>(done), static_cast<double>(run_ids.size()), id);
       continue;
     }
     for (const JobRow& job : or_fail(jobs.jobs(JobState::Failed))) {

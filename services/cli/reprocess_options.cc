@@ -2,6 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
+#include "proto/job.h"
 #include "proto/utc.h"
 #include "reconstruct/solver.h"
 #include "services/cli/app.h"

@@ -10,11 +10,12 @@ namespace {
 ProgramResult with_dispatcher(const Scratch& scratch, const std::string& line) {
   return shell(
       scratch.path(),
-      "mkdir -p data && { [ -e data/ledger.sqlite ] || sqlite3 data/ledger.sqlite < " FLAMEFIELD_TEST_DATA
-      "/ledger-schema-1.sql; } && { " FLAMEFIELD_BIN
-      "/flamefield-dispatchd --data data 2> log & pid=$!; }; "
-      "for i in $(seq 500); do [ -S data/run/dispatcher.sock ] && break; sleep 0.02; "
-      "done; " +
+      std::string(
+          "mkdir -p data && { [ -e data/ledger.sqlite ] || sqlite3 data/ledger.sqlite < " FLAMEFIELD_TEST_DATA
+          "/ledger-schema-1.sql; } && { " FLAMEFIELD_BIN
+          "/flamefield-dispatchd --data data 2> log & pid=$!; }; "
+          "for i in $(seq 500); do [ -S data/run/dispatcher.sock ] && break; sleep 0.02; "
+          "done; ") +
           "( " + line + " ); code=$?; kill $pid; wait $pid; exit $code");
 }
 

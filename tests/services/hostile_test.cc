@@ -73,7 +73,7 @@ class HostileTest : public ::testing::Test {
   std::uint16_t port() const { return port_of(endpoint()); }
   Result<Status> status() { return friend_->ask_for<Status>(GetStatus{}, 10s); }
   std::int64_t counted(const std::string& name) {
-    const auto now = status();
+    auto now = status();
     EXPECT_TRUE(now) << "the service does not answer";
     return now ? now->counters[name] : -1;
   }

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <optional>
+#include <thread>
 
 #include "proto/utc.h"
 #include "reconstruct/solver.h"
@@ -9,6 +11,7 @@
 #include "services/dispatcher/dispatcher.h"
 #include "services/ledger/books.h"
 #include "services/ledger/figures.h"
+#include "services/ledger/ledger.h"
 #include "services/ledger/reader.h"
 #include "services/log/log.h"
 #include "services/reprocess/plan.h"
@@ -18,6 +21,7 @@
 #include "services/worker/reconstruct_job.h"
 #include "services/worker/worker.h"
 #include "tests/services/small_lab.h"
+#include "tests/services/support.h"
 
 namespace flamefield {
 namespace {
