@@ -53,14 +53,14 @@ TEST(Upkeep, RunsAreSelectedComparedTaggedAndPlanned) {
   const Scratch scratch;
   const ProgramResult result = with_dispatcher(
       scratch,
-      "set -e; \"$F\" runs list --data data --where 'solver = hessian and residual < 0.04' --json > "
+      "set -e; \"$F\" runs list --data data --where 'solver = osem and residual < 0.04' --json > "
       "list.json; "
       "R=$(\"$F\" runs list --data data --json | sed -n 's/^    \"id\": \"\\(.*\\)\",/\\1/p'); "
       "\"$F\" runs compare $R --data data > compare.txt; "
       "\"$F\" runs tag $(echo $R | cut -d' ' -f1) --add good --data data; "
       "\"$F\" runs list --data data --where 'tag = good' > tagged.txt; "
-      "\"$F\" reprocess --data data --where 'solver = hessian' --solver mlem --dry-run --json > plan.json; "
-      "\"$F\" reprocess --data data --where 'solver = hessian' --solver mlem --every '30 2 * * *' --zone "
+      "\"$F\" reprocess --data data --where 'solver = osem' --solver mlem --dry-run --json > plan.json; "
+      "\"$F\" reprocess --data data --where 'solver = osem' --solver mlem --every '30 2 * * *' --zone "
       "Asia/Tokyo "
       "--name nightly; \"$F\" schedule list --data data > schedules.txt; \"$F\" schedule run-now nightly "
       "--data data; "

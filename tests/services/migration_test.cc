@@ -50,7 +50,7 @@ void expect_everything_kept(const OldLedger& old) {
   ASSERT_EQ(artefacts->size(), 2u);
   EXPECT_EQ(artefacts->at(0).sha256, "");
   EXPECT_EQ(
-      LedgerQuery::open(old.path())->work(*parse_filter("solver = hessian and not stale", 0), 10)->size(),
+      LedgerQuery::open(old.path())->work(*parse_filter("solver = osem and not stale", 0), 10)->size(),
       2u);
 }
 
@@ -70,7 +70,7 @@ TEST(Migration, EveryEarlierSchemaKeepsEverythingOnTheWayToTheNewest) {
     {
       auto ledger = Ledger::open(old.path());
       ASSERT_TRUE(ledger) << ledger.error().message;
-      EXPECT_EQ(ledger->status()->sets, 5);
+      EXPECT_EQ(ledger->status()->sets, 7);
     }
     expect_everything_kept(old);
   }

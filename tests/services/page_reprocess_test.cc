@@ -50,7 +50,7 @@ TEST_F(PageReprocess, MakesWhatIsNewAndNamesWhatIsThere) {
   EXPECT_EQ(again["runs"].size(), 3u);
   EXPECT_EQ(post("reprocess", tried)["runs"].size(), 1u) << "the page shows the one that is there";
   const auto page = ask<Jobs>(GetJobs{});
-  EXPECT_EQ(page.rows.front().submitter, "page");
+  EXPECT_EQ(page.rows.back().submitter, "page");
 }
 
 TEST_F(PageReprocess, NamesWhatIsWrongWithTheOrder) {
