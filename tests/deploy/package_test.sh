@@ -20,7 +20,7 @@ done
 if grep -q 'root/root' "$work/contents" && grep -v 'root/root' "$work/contents"; then echo "files of another owner"; exit 1; fi
 dpkg-deb --control "$deb" "$work/control"
 grep -q '^/etc/flamefield/lab.toml$' "$work/control/conffiles" || { echo "lab.toml is no conffile: upgrades would overwrite it"; exit 1; }
-for library in libzmq5 libsqlite3-0 libhdf5 libaravis libceres; do
+for library in libzmq5 libsqlite3-0 libhdf5 libaravis libopencv-core; do
   grep -q "^ Depends:.*$library" "$work/info" || { echo "the package does not depend on $library"; exit 1; }
 done
 for script in postinst prerm postrm; do
