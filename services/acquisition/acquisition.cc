@@ -109,12 +109,7 @@ void Acquisition::serve_requests() {
 std::optional<Message> Acquisition::answer(const Delivery& delivery) {
   if (!delivery.message) return Rejected{delivery.message.error()};
   const Message& question = *delivery.message;
-  if (!may_send(delivery.role, question)) {
-    return Rejected{invalid_input("request to the camera array",
-                                  concat("a ", delivery.role, " may not send it"),
-                                  "use the key of an operator")
-                        .value()};
-  }
+  if (!may_send(delivery.role, question)) return Rejected{forbidden("the camera array", delivery.role)};
   if (const auto* request = std::get_if<StartCapture>(&question)) return start(*request);
   if (const auto* request = std::get_if<GetPreview>(&question)) return preview(*request);
   if (std::holds_alternative<StandBy>(question)) return stand_by();

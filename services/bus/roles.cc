@@ -24,9 +24,16 @@ bool may_send(std::string_view role, const Message& message) {
   const bool of_capture_alone = is_one_of<PutSet, PutCapture>(message);
   if (role == "local") return true;
   if (role == "worker") return of_worker_alone || is_one_of<FetchSet>(message);
-  if (role == "capture") return of_capture_alone || is_one_of<GetStatus>(message);
-  if (role == "viewer") return is_one_of<GetStatus, GetJobs, GetCapture, GetPreview, FetchSet>(message);
+  if (role == "capture") return of_capture_alone || is_one_of<GetStatus, PutCalibration>(message);
+  if (role == "viewer")
+    return is_one_of<GetStatus, GetJobs, GetCapture, GetPreview, GetCalibration, FetchSet>(message);
   return role == "operator" && !of_worker_alone && !of_capture_alone;
+}
+
+Error forbidden(std::string_view whom, std::string_view role) {
+  return invalid_input(concat("message to ", whom), concat("a ", role, " may not send it"),
+                       "use the key of the right role")
+      .value();
 }
 
 std::string role_named(std::string_view name) {

@@ -19,6 +19,9 @@ std::span<const std::string_view> peer_roles();
 // anything.
 bool may_send(std::string_view role, const Message& message);
 
+// What a peer is told that may not.
+Error forbidden(std::string_view whom, std::string_view role);
+
 // The role behind a name: roles were called "producer" and "client" once, and keys still may be.
 std::string role_named(std::string_view name);
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "proto/utc.h"
+#include "services/bus/roles.h"
 #include "services/calibration/output.h"
 #include "services/ledger/reader.h"
 #include "services/log/log.h"
@@ -75,8 +76,10 @@ Result<> CalibrationService::run(std::stop_token stop) {
   std::jthread worker([this](std::stop_token worker_stop) { work(worker_stop); });
   while (!stop.stop_requested()) {
     if (const auto delivery = router_->receive(milliseconds(50))) {
-      const Message reply =
-          delivery->message ? answer(*delivery->message) : Message(Rejected{delivery->message.error()});
+      const Message reply = !delivery->message ? Message(Rejected{delivery->message.error()})
+                            : may_send(delivery->role, *delivery->message)
+                                ? answer(*delivery->message)
+                                : Message(Rejected{forbidden("the calibration session", delivery->role)});
       (void)router_->send(delivery->peer, reply, delivery->request);  // a client that left misses its answer
     }
   }
@@ -390,7 +393,7 @@ Result<> CalibrationService::finish_capture() {
 }
 
 Result<Client> CalibrationService::connect(const std::string& endpoint) const {
-  return Client::connect(bus_, "producer", unique_name("calibration"), endpoint);
+  return Client::connect(bus_, "capture", unique_name("calibration"), endpoint);
 }
 
 std::optional<PreviousCalibration> CalibrationService::newest_calibration() const {

@@ -191,8 +191,7 @@ void Dispatcher::Impl::answer(Delivery& delivery) {
     reply = tl::unexpected(delivery.message.error());
   } else if (!may_send(delivery.role, *delivery.message)) {
     ++counters["messages_forbidden"];
-    reply = invalid_input("message to the dispatcher", concat("a ", delivery.role, " may not send it"),
-                          "use the key of the right role");
+    reply = tl::unexpected(forbidden("the dispatcher", delivery.role));
   } else {
     reply = handle(*delivery.message, {delivery.peer, delivery.role == "local"});
   }
