@@ -3,7 +3,7 @@
 namespace flamefield {
 
 Recipe live_recipe() {
-  return {.solver = "hessian", .settings = {{"hessian.max_iterations", std::int64_t{40}}}};
+  return {.solver = "hessian", .settings = {{"hessian.max_iterations", std::int64_t{24}}}};
 }
 
 Result<> LivePlanner::start() {
