@@ -13,5 +13,7 @@ inline std::int64_t utc_now_ns() {
 
 // "2026-03-01T10:15:00.123Z"; empty for 0.
 std::string utc_text(std::int64_t time_ns);
+// "20260301T101500123": for names that sort by time.
+std::string utc_stamp(std::int64_t time_ns);
 
 }  // namespace flamefield

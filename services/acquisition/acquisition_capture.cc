@@ -1,6 +1,5 @@
 // The life of a capture: started, from rest or from standby; fed; ended; stored; closed.
 #include <algorithm>
-#include <ctime>
 
 #include "proto/utc.h"
 #include "services/acquisition/account.h"
@@ -15,15 +14,7 @@ namespace {
 
 // "20260301T101500123-burst": sorts by time, says what it is, and is unique to the millisecond.
 std::string capture_id(CaptureKind kind) {
-  const std::int64_t now_ms = utc_now_ns() / 1'000'000;
-  const std::time_t seconds = now_ms / 1000;
-  std::tm utc{};
-  gmtime_r(&seconds, &utc);
-  char text[32];
-  std::strftime(text, sizeof text, "%Y%m%dT%H%M%S", &utc);
-  char millis[8];
-  std::snprintf(millis, sizeof millis, "%03d", static_cast<int>(now_ms % 1000));
-  return concat(text, millis, "-", name_of(kind));
+  return concat(utc_stamp(utc_now_ns()), "-", name_of(kind));
 }
 
 constexpr bool begins_in_standby(CaptureKind kind) {

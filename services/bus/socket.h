@@ -26,6 +26,9 @@ struct Bus::Impl {
 class Socket {
  public:
   Socket(Bus& bus, zmq::socket_type type, const SocketOptions& options);
+  ~Socket();
+  Socket(const Socket&) = delete;
+  Socket& operator=(const Socket&) = delete;
 
   void be_server();                         // dispatcher's side of CURVE
   void be_client(const std::string& role);  // the others' side

@@ -25,7 +25,8 @@ Result<Message> Dispatcher::Impl::on(PutCalibration& m, const Sender&) {
   if (!stored) return tl::unexpected(stored.error());
   tell("calibration-accepted", stored->rig_id,
        concat("version ", stored->version, ", ", m.calibration.verdict, ", ", m.calibration.volume_mean_px,
-              " px in the measuring volume, by ", m.calibration.accepted_by),
+              " px in the measuring volume, by ", m.calibration.accepted_by,
+              "; volumes made with another one are stale"),
        true);
   return *stored;
 }

@@ -127,6 +127,11 @@ Result<CalibrationStored> Ledger::put_calibration(const PutCalibration& accepted
         "?9, ?10)",
         c.version, c.predecessor, c.rig_id, c.accepted_time_ns, c.accepted_by, c.note, c.volume_mean_px,
         c.volume_worst_px, c.verdict, Blob{encode(kept)});
+    // It counts for what was taken since the one before: any time in between a camera may have been bumped.
+    impl_->sql.run(
+        "INSERT INTO accepted_rigs(rig_id, accepted_time_ns, since_ns) SELECT ?1, ?2, "
+        "coalesce(max(accepted_time_ns), 0) FROM accepted_rigs",
+        c.rig_id, now_ns);
     return CalibrationStored{c.version, c.rig_id};
   });
 }

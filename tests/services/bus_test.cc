@@ -4,8 +4,10 @@
 #include <sys/stat.h>
 
 #include <fstream>
+#include <optional>
 
 #include "services/bus/client.h"
+#include "tests/services/raw_socket.h"
 #include "tests/services/support.h"
 
 namespace flamefield {
@@ -138,6 +140,20 @@ TEST(Bus, AnEndpointInUseIsUnavailableAndNamed) {
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error().code, ErrorCode::Unavailable);
   EXPECT_NE(refused.error().message.find(first.bound_endpoint()), std::string::npos);
+}
+
+TEST(Bus, ConnectionsToARouterThatClosesDoNotStopTheOthers) {
+  Scratch keys;
+  Bus bus(KeyRing::open_or_create(keys.path()).value());
+  for (int round = 0; round < 300; ++round) {
+    std::optional<Router> closing = bound_router(bus, kAnyPort);
+    const std::uint16_t port = testing_support::port_of(closing->bound_endpoint());
+    const testing_support::RawSocket first(port), second(port), third(port);
+    closing.reset();
+  }
+  Router router = bound_router(bus, kAnyPort);
+  Dealer dealer = connected_dealer(bus, "capture", router.bound_endpoint());
+  expect_conversation(router, dealer, "capture");
 }
 
 TEST(Bus, AMalformedEndpointIsInvalid) {

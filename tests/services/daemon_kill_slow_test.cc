@@ -40,8 +40,12 @@ TEST(StoringDaemon, EveryAcknowledgedSetIsReadableAfterTwentyKillsAndNoneIsThere
   std::int64_t sets = 0;
   for (int kills = 0; kills < 20; ++kills) {
     const std::int64_t acked_before = sender.acked();
-    const auto kill_at = std::chrono::steady_clock::now() + std::chrono::milliseconds(20 + random() % 150);
+    const auto start_time = std::chrono::steady_clock::now();
+    const auto kill_at = start_time + std::chrono::milliseconds(20 + random() % 150);
     while (std::chrono::steady_clock::now() < kill_at || sender.acked() == acked_before) {
+      ASSERT_LT(std::chrono::steady_clock::now(), start_time + kSlowdown * 30s)
+          << "nothing is acknowledged after " << kills << " kills: " << sender.last_refusal() << '\n'
+          << read_text_file(scratch / "log").value_or("");
       if (sender.offer(make_set("burst", sets, 256))) ++sets;
       sender.pump(2ms);
     }

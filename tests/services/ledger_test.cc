@@ -7,6 +7,7 @@
 
 #include <cstdlib>
 
+#include "services/ledger/query.h"
 #include "services/ledger/reader.h"
 #include "services/ledger/schema.h"
 #include "tests/services/support.h"
@@ -333,6 +334,11 @@ TEST(Ledger, AcceptedCalibrationsAreCountedAndNoneIsOverwritten) {
   EXPECT_NE(all[0].rig_id, all[1].rig_id);
   EXPECT_EQ(reader->calibration(2)->rig.cameras[0].fx_px, rig.cameras[0].fx_px);
   EXPECT_EQ(reader->calibration(4).error().code, ErrorCode::NotFound);
+  const auto counts = LedgerQuery::open(scratch.path())->accepted_rigs().value();
+  ASSERT_EQ(counts.size(), 3u) << "each counts, as one that 'rigs accept' names";
+  EXPECT_EQ(counts[0].rig_id, all[2].rig_id);
+  EXPECT_EQ(counts[0].since_ns, kNow + 1) << "for what was taken since the one before was accepted";
+  EXPECT_EQ(counts[2].since_ns, 0);
 }
 
 TEST(Ledger, ALedgerOfANewerProgramIsLeftAlone) {
