@@ -76,13 +76,18 @@ void LiveFeed::look_at_dispatcher(Client& dispatcher) {
   if (!has_news) return;
   auto runs = RunList::open(services_->data_dir());
   if (!runs) return;
-  if (const auto page = runs->page({.limit = 1}); page && !page->lines.empty()) {
-    state_.newest_run = page->lines.front().id;
-    volume_bytes_ = static_cast<double>(page->lines.front().volume_bytes);
-  }
+  const auto newest = runs->page({.limit = 1});
+  if (!newest || newest->lines.empty()) return;
+  RunLine shown = newest->lines.front();
   const std::string capture = state_.array ? state_.array->id : "";
-  if (const auto page = runs->page({.capture = capture, .limit = 1}); page && !capture.empty())
+  if (const auto page = runs->page({.capture = capture, .order = RunOrder::Capture, .limit = 1});
+      page && !capture.empty()) {
     state_.volumes = page->total;
+    // Sets that workers could not follow are made after newer ones: the flame does not go back for them.
+    if (shown.capture == capture && !page->lines.empty()) shown = page->lines.front();
+  }
+  state_.newest_run = shown.id;
+  volume_bytes_ = static_cast<double>(shown.volume_bytes);
 }
 
 void LiveFeed::look_at_disk() {

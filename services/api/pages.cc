@@ -59,7 +59,8 @@ Result<std::unique_ptr<Pages>> Pages::open(Bus& bus, HttpServerOptions http,
   sources.api = [p = pages.get()](std::string_view path,
                                   const HttpRequest& request) -> std::optional<HttpResponse> {
     if (path != "status") return answer_api(*p->services_, path, request);
-    const auto status = p->board_.newest("status");
+    constexpr std::chrono::seconds kPatience{3};  // a look at the services takes less
+    const auto status = p->board_.wait_for("status", kPatience);
     if (!status) return json_error(503, "the first look at the services is not over (try again)");
     return HttpResponse{
         .status = 200, .content_type = "application/json", .body = *status->bytes, .file = {}, .headers = {}};

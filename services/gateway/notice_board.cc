@@ -8,13 +8,25 @@ void NoticeBoard::post(const std::string& topic, std::string bytes, bool binary)
     const std::scoped_lock lock(mutex_);
     notes_[topic] = {++version_, binary, std::move(shared)};
   }
+  posted_.notify_all();
   if (listener_) listener_();
+}
+
+std::optional<NoticeBoard::Note> NoticeBoard::find(const std::string& topic) const {
+  const auto found = notes_.find(topic);
+  return found == notes_.end() ? std::nullopt : std::optional(found->second);
 }
 
 std::optional<NoticeBoard::Note> NoticeBoard::newest(const std::string& topic) const {
   const std::scoped_lock lock(mutex_);
-  const auto found = notes_.find(topic);
-  return found == notes_.end() ? std::nullopt : std::optional(found->second);
+  return find(topic);
+}
+
+std::optional<NoticeBoard::Note> NoticeBoard::wait_for(const std::string& topic,
+                                                       std::chrono::milliseconds patience) const {
+  std::unique_lock lock(mutex_);
+  posted_.wait_for(lock, patience, [&] { return notes_.contains(topic); });
+  return find(topic);
 }
 
 void NoticeBoard::watch(const std::string& topic) {

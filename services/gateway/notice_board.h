@@ -1,5 +1,7 @@
 #pragma once
 
+#include <chrono>
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
 #include <map>
@@ -25,6 +27,8 @@ class NoticeBoard {
 
   void post(const std::string& topic, std::string bytes, bool binary);
   std::optional<Note> newest(const std::string& topic) const;
+  // Waits for a first one; none: not within the time.
+  std::optional<Note> wait_for(const std::string& topic, std::chrono::milliseconds patience) const;
 
   // Watchers are counted, so that nobody makes what nobody looks at.
   void watch(const std::string& topic);
@@ -37,7 +41,10 @@ class NoticeBoard {
   void on_post(std::function<void()> listener) { listener_ = std::move(listener); }
 
  private:
+  std::optional<Note> find(const std::string& topic) const;  // mutex_ is held
+
   mutable std::mutex mutex_;
+  mutable std::condition_variable posted_;
   std::map<std::string, Note, std::less<>> notes_;
   std::map<std::string, int, std::less<>> watchers_;
   std::uint64_t version_ = 0, watch_changes_ = 0;

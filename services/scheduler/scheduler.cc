@@ -14,7 +14,7 @@ namespace {
 
 // New schedules, and clocks that were set, are noticed after this long.
 constexpr std::int64_t kLongestNap_ns = 30'000'000'000;
-constexpr std::int64_t kMostTimes = 100'000;
+constexpr std::int64_t kMostTimes = 10'000;
 
 using Act = ScheduleDecision::Act;
 
@@ -87,7 +87,9 @@ std::int64_t Scheduler::look() {
 
 void Scheduler::deal_with(const Schedule& schedule, const ScheduleDecision& decision, std::int64_t now_ns) {
   ScheduleRan ran{schedule.name, decision.due_ns, now_ns, "", "", {}};
-  const std::string more = decision.times > 1 ? concat("; stands for ", decision.times, " due times") : "";
+  const std::string_view at_least = decision.times >= kMostTimes ? "at least " : "";
+  const std::string more =
+      decision.times > 1 ? concat("; stands for ", at_least, decision.times, " due times") : "";
   if (decision.act == Act::Missed) {
     ran.outcome = "missed";
     ran.text = concat("the service was not running", more);

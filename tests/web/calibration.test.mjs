@@ -64,7 +64,10 @@ async function hold(page, { poses, name }) {
     await page.getByRole("button", { name: "Close" }).click();
   }
   await page.getByRole("button", { name: "Solve", exact: true }).click();
-  await page.getByRole("button", { name: "Accept …" }).and(page.locator(":enabled")).waitFor({ timeout: 120_000 });
+  await page.getByRole("button", { name: "Accept …" }).and(page.locator(":enabled")).waitFor({ timeout: 120_000 }).catch(async (error) => {
+    const { state, poses, verdict, message, error: problem } = await server.get("calibration");
+    throw new Error(`${error.message}\nthe session: ${JSON.stringify({ state, poses, verdict, message, problem })}`);
+  });
 }
 
 async function accept(page, note) {

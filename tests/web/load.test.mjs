@@ -8,6 +8,11 @@ import { Server } from "./fixture.mjs";
 let server;
 before(async () => {
   server = await Server.start();
+  // What cameras, solver and store take for themselves is taken by then: the rest is the watchers'.
+  for (let burst = 0; burst < 2; ++burst) {
+    await completeBurst(20, () => {});
+    await server.idle();
+  }
 }, { timeout: 240_000 });
 after(() => server?.end());
 
@@ -39,12 +44,15 @@ async function completeBurst(pulses, meanwhile) {
   const before = server.residentKiB();
   let most = before;
   const watch = setInterval(() => { most = Math.max(most, server.residentKiB()); }, 100);
-  await meanwhile();
-  await server.until("the burst is over", async () => {
-    const status = await server.get("status");
-    return status.array?.phase === "idle" && status.array.capture === started.capture;
-  });
-  clearInterval(watch);
+  try {
+    await meanwhile();
+    await server.until("the burst is over", async () => {
+      const status = await server.get("status");
+      return status.array?.phase === "idle" && status.array.capture === started.capture;
+    });
+  } finally {
+    clearInterval(watch);
+  }
   const receipt = await server.get(`captures/${started.capture}/receipt`);
   assert.equal(receipt.pulses, pulses);
   assert.equal(receipt.sets, pulses);
@@ -54,18 +62,19 @@ async function completeBurst(pulses, meanwhile) {
 
 test("twenty watchers at once cost no frame", { timeout: 180_000 }, async (t) => {
   const watchers = [];
+  t.after(() => watchers.forEach((socket) => socket.destroy()));
   const { grown_MiB } = await completeBurst(20, async () => {
     for (let i = 0; i < 20; ++i) watchers.push(watcher());
   });
   const sizes = watchers.map((w) => w.bytes);
   t.diagnostic(`memory grew by ${grown_MiB.toFixed(0)} MiB, watchers got ${Math.min(...sizes)} to ${Math.max(...sizes)} bytes`);
   assert.ok(Math.min(...sizes) > 500_000, "every one of them was shown pictures");
-  assert.ok(grown_MiB < 250);
-  for (const socket of watchers) socket.destroy();
+  assert.ok(grown_MiB < 150);
 });
 
 test("browsers that stop reading cost no frame and little memory", { timeout: 180_000 }, async (t) => {
   const stuck = [];
+  t.after(() => stuck.forEach((socket) => socket.destroy()));
   const { grown_MiB } = await completeBurst(20, async () => {
     for (let i = 0; i < 10; ++i) {
       const socket = rawWatcher(false);
@@ -77,8 +86,7 @@ test("browsers that stop reading cost no frame and little memory", { timeout: 18
     }
   });
   t.diagnostic(`memory grew by ${grown_MiB.toFixed(0)} MiB`);
-  assert.ok(grown_MiB < 250);
-  for (const socket of stuck) socket.destroy();
+  assert.ok(grown_MiB < 150);
 });
 
 test("malformed frames and an upload of a gigabyte cost no frame", { timeout: 180_000 }, async (t) => {
@@ -100,5 +108,5 @@ test("malformed frames and an upload of a gigabyte cost no frame", { timeout: 18
     upload.destroy();
   });
   t.diagnostic(`memory grew by ${grown_MiB.toFixed(0)} MiB`);
-  assert.ok(grown_MiB < 250);
+  assert.ok(grown_MiB < 150);
 });
