@@ -138,6 +138,6 @@ test("a session is discarded after a question, and the array is free again", { t
     await page.getByRole("button", { name: "Discard …" }).click();
     await page.getByRole("dialog").getByRole("button", { name: "Discard" }).click();
     await page.getByRole("button", { name: "Start a session" }).waitFor({ timeout: 60_000 });
-    assert.equal((await server.get("status")).array.phase, "idle");
+    await server.until("the array is free", async () => (await server.get("status")).array?.phase === "idle", 10_000);
   });
 });
