@@ -31,6 +31,15 @@ function Guide({ session, act, ask }: { session: SessionState; act: Act; ask: (w
   const next = session.state === "detecting" ? session.needed[0] ?? "Nothing is missing: solve." : session.message;
   return (
     <>
+      {/* first, so that they stay in their place while the rest grows and shrinks */}
+      <div class="buttons">
+        <button type="button" disabled={session.state === "solving"} onClick={() => act("take")}>Take this pose</button>
+        <button type="button" class={session.state === "detecting" ? "primary" : ""} disabled={session.state === "solving" || session.poses === 0} onClick={() => act("solve")}>{session.state === "solving" ? "Solving …" : "Solve"}</button>
+        <button type="button" class={session.state === "solved" ? "primary" : ""} disabled={session.state !== "solved"} onClick={() => ask("accept")}>Accept …</button>
+        {session.report && <a href={`/${session.report}`} target="_blank" rel="noreferrer">Report</a>}
+        <span class="grow" />
+        <button type="button" class="danger" onClick={() => ask("discard")}>Discard …</button>
+      </div>
       <div class="tiles">
         <Tile value={`${session.poses} of ${session.wanted_poses}`} name="poses taken" mark={session.poses >= session.wanted_poses ? "good" : "fair"} />
         <Tile value={`${Math.round(100 * session.volume_coverage)} %`} name={`of the measuring volume covered, ${100 * kWantedVolume} % wanted`} mark={session.volume_coverage >= kWantedVolume ? "good" : "fair"} />
@@ -40,14 +49,6 @@ function Guide({ session, act, ask }: { session: SessionState; act: Act; ask: (w
       <p role="status" class="next"><strong>{next}</strong>{session.state === "detecting" && session.message && <span class="dim"> {session.message}</span>}</p>
       {session.state === "detecting" && session.needed.length > 1 && <ul class="needed">{session.needed.slice(1, 6).map((line) => <li key={line}>{line}</li>)}{session.needed.length > 6 && <li class="dim">and {session.needed.length - 6} more</li>}</ul>}
       {session.links_missing.length > 0 && <p class="note">Not yet seen together: {session.links_missing.slice(0, 8).map((l) => `${l.a} and ${l.b}`).join(", ")}</p>}
-      <div class="buttons">
-        <button type="button" disabled={session.state === "solving"} onClick={() => act("take")}>Take this pose</button>
-        <button type="button" class={session.state === "detecting" ? "primary" : ""} disabled={session.state === "solving" || session.poses === 0} onClick={() => act("solve")}>{session.state === "solving" ? "Solving …" : "Solve"}</button>
-        <button type="button" class={session.state === "solved" ? "primary" : ""} disabled={session.state !== "solved"} onClick={() => ask("accept")}>Accept …</button>
-        {session.report && <a href={`/${session.report}`} target="_blank" rel="noreferrer">Report</a>}
-        <span class="grow" />
-        <button type="button" class="danger" onClick={() => ask("discard")}>Discard …</button>
-      </div>
     </>
   );
 }
