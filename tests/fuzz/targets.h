@@ -17,8 +17,8 @@ void bus_message(Bytes bytes);
 // set right, so that what lies behind it is reached too.
 void spool_segment(Bytes bytes);
 
-// What a camera sends: the first byte chooses whether the others are the chunks behind a picture, or whole
-// packets one after the other, each with its length (two bytes) in front.
-void gvsp_stream(Bytes bytes);
+// The chunks behind a camera's picture. The packets that carry them are sound: Debian's Aravis (0.8.26)
+// writes outside of its own buffers, and asks for 60 GB of memory, where their headers are not.
+void gvsp_chunks(Bytes bytes);
 
 }  // namespace flamefield::fuzz

@@ -96,21 +96,10 @@ class HostileCamera {
 
 }  // namespace
 
-void gvsp_stream(Bytes bytes) {
+void gvsp_chunks(Bytes bytes) {
   // Never destroyed: the library's own threads and statics end first.
   static HostileCamera& camera = *new HostileCamera;
-  if (bytes.empty()) return;
-  const bool are_chunks = bytes[0] % 2 == 0;
-  bytes = bytes.subspan(1);
-  if (are_chunks) {
-    camera.send_chunks(bytes);
-  } else {
-    while (bytes.size() >= 2) {
-      const std::size_t size = std::min<std::size_t>(bytes[0] << 8 | bytes[1], bytes.size() - 2);
-      camera.send(bytes.subspan(2, size));
-      bytes = bytes.subspan(2 + size);
-    }
-  }
+  camera.send_chunks(bytes);
   camera.judge();
 }
 
