@@ -87,8 +87,9 @@ Socket::Socket(Bus& bus, zmq::socket_type type, const SocketOptions& options)
   }
 }
 
-// ZeroMQ's one I/O thread tells the monitor of a connection by a send that waits for a reader. Were the reader
-// closed first, a connection that comes in that moment would stop every socket of the process for good.
+// ZeroMQ's one I/O thread tells the monitor of a connection by a send that waits for a reader. Were the
+// reader closed first, a connection that comes in that moment would stop every socket of the process for
+// good.
 Socket::~Socket() {
   if (handshakes_) zmq_socket_monitor(socket_.handle(), nullptr, 0);
 }
