@@ -133,6 +133,9 @@ struct Ready {  // -> Lease when there is work: one Ready is one credit
   std::int64_t threads = 0;
   std::string host = {};  // jobs are matched to what the worker's machine has; 0: not told, may do all
   std::int64_t cores = 0, memory_mib = 0;
+  std::string data_id = {};  // of its volumes directory, which must be the dispatcher's; empty: not told
+  bool live_only = false;    // takes live work alone
+  bool own_memory = false;   // memory_mib is its own, not shared with the host's other workers
 };
 struct FetchSet {  // -> SetData
   SetId id;

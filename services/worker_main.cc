@@ -14,7 +14,7 @@ namespace flamefield {
 namespace {
 
 Result<> serve(WorkerOptions options, const std::filesystem::path& keys_dir, Life& life) {
-  const SignalStop stop;
+  const SignalStop stop(true);
   const auto local = endpoints_of(options.data_dir);
   if (!local) return tl::unexpected(local.error());
   if (options.endpoint.empty()) options.endpoint = local->dispatcher;
@@ -23,7 +23,7 @@ Result<> serve(WorkerOptions options, const std::filesystem::path& keys_dir, Lif
   Bus bus(*keys);
   Worker worker(bus, options, make_reconstruct_step({options.data_dir, options.threads}));
   worker.watched_by(life.in_hand, {life.lost, life.death});
-  return worker.run(stop.token());
+  return worker.run(stop.token(), stop.drain());
 }
 
 }  // namespace
@@ -53,10 +53,21 @@ int main(int argc, char** argv) {
   app.add_option("--heartbeat-ms", heartbeat_ms, "well below a third of the lease")
       ->check(CLI::Range(10, 600'000))
       ->capture_default_str();
+  std::int64_t idle_s = 0, silence_s = 0;
+  app.add_flag("--own-memory", options.own_memory,
+               "--memory-gib is not shared with this host's other workers");
+  app.add_flag("--live-only", options.live_only, "take live work alone");
+  app.add_option("--idle-s", idle_s, "end when there was no job for so long (default: never)")
+      ->check(CLI::Range(0, 1'000'000));
+  app.add_option("--silence-s", silence_s, "end when the dispatcher was silent for so long (default: never)")
+      ->check(CLI::Range(0, 1'000'000));
+  app.footer("SIGTERM gives the job in hand back, SIGUSR1 finishes it and takes no other.");
   options.name = unique_name("worker");  // kept from life to life
   return run_supervised_daemon(app, argc, argv, [&](Life& life) {
     options.heartbeat = std::chrono::milliseconds(heartbeat_ms);
     options.memory_mib = std::llround(1024 * memory_gib);
+    options.idle_limit = std::chrono::seconds(idle_s);
+    options.silence_limit = std::chrono::seconds(silence_s);
     return serve(options, keys, life);
   });
 }

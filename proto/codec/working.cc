@@ -10,9 +10,13 @@ void write(const Ready& m, v1::Ready* wire) {
   wire->set_host(m.host);
   wire->set_cores(m.cores);
   wire->set_memory_mib(m.memory_mib);
+  wire->set_data_id(m.data_id);
+  wire->set_live_only(m.live_only);
+  wire->set_own_memory(m.own_memory);
 }
 void read(const v1::Ready& wire, Ready& m, Check& check) {
-  m = {wire.worker(), wire.program_version(), wire.threads(), wire.host(), wire.cores(), wire.memory_mib()};
+  m = {wire.worker(),     wire.program_version(), wire.threads(),   wire.host(),      wire.cores(),
+       wire.memory_mib(), wire.data_id(),         wire.live_only(), wire.own_memory()};
   check.name(m.worker, "worker");
   check.count(m.cores, "cores");
   check.count(m.memory_mib, "memory_mib");

@@ -38,10 +38,16 @@ Result<Message> Client::ask(const Message& question, std::chrono::milliseconds t
   }
 }
 
+Result<> Client::post(const Message& message) {
+  posted_ = ++last_request_;
+  return dealer_.send(message, posted_);
+}
+
 std::optional<Message> Client::next(std::chrono::milliseconds timeout) {
   if (unasked_.empty()) {
     auto delivery = dealer_.receive(timeout);
-    if (!delivery || !delivery->message || delivery->request != 0) return std::nullopt;
+    if (!delivery || !delivery->message) return std::nullopt;
+    if (delivery->request != 0 && delivery->request != posted_) return std::nullopt;
     return std::move(*delivery->message);
   }
   Message first = std::move(unasked_.front());

@@ -33,14 +33,17 @@ class Client {
   // Without waiting for an answer.
   Result<> tell(const Message& message) { return dealer_.send(message); }
 
-  // The next message that answers no question, e.g. a lease.
+  // The same, and its answer comes out of next(): only the last one's.
+  Result<> post(const Message& message);
+
+  // The next message that answers no question of ask(), e.g. a lease.
   std::optional<Message> next(std::chrono::milliseconds timeout);
 
  private:
   explicit Client(Dealer dealer) : dealer_(std::move(dealer)) {}
 
   Dealer dealer_;
-  std::uint64_t last_request_ = 0;
+  std::uint64_t last_request_ = 0, posted_ = 0;
   std::deque<Message> unasked_;
 };
 

@@ -9,10 +9,12 @@
 #include <array>
 #include <cstring>
 #include <fstream>
+#include <sstream>
 #include <vector>
 
 #include "proto/check.h"
 #include "proto/job.h"
+#include "proto/utc.h"
 #include "services/bus/roles.h"
 
 namespace flamefield {
@@ -72,6 +74,18 @@ Result<KeyPair> read_pair(const fs::path& path) {
   if (!lines) return tl::unexpected(lines.error());
   if (lines->size() < 2 || !is_key((*lines)[0]) || !is_key((*lines)[1])) return damaged(path);
   return KeyPair{(*lines)[1], (*lines)[0]};
+}
+
+// Of the second line of a public key; 0: none.
+Result<std::int64_t> read_expiry(const fs::path& path) {
+  const auto lines = read_lines(path);
+  if (!lines) return tl::unexpected(lines.error());
+  if (lines->size() < 2) return 0;
+  std::istringstream words((*lines)[1]);
+  std::string word;
+  std::int64_t time_s = 0;
+  if (words >> word >> time_s && word == "expires" && time_s > 0) return time_s;
+  return damaged(path);
 }
 
 // "worker-node7.pub" -> "worker", "node7"
@@ -172,9 +186,11 @@ Result<std::vector<KeyEntry>> list_keys(const fs::path& directory) {
     if (entry.path().extension() != ".pub") continue;
     const auto key = read_public(entry.path());
     if (!key) return tl::unexpected(key.error());
+    const auto expires_s = read_expiry(entry.path());
+    if (!expires_s) return tl::unexpected(expires_s.error());
     auto [role, name] = role_and_name(entry.path());
     const bool has_secret = name.empty() && fs::exists(secret_of(directory, role));
-    entries.push_back({std::move(role), std::move(name), *key, entry.path(), has_secret});
+    entries.push_back({std::move(role), std::move(name), *key, entry.path(), has_secret, *expires_s});
   }
   if (problem)
     return not_found(concat("key directory ", directory.string()), problem.message(), "start a service once");
@@ -186,9 +202,10 @@ Result<std::vector<KeyEntry>> list_keys(const fs::path& directory) {
 Result<AllowList> read_allow_list(const fs::path& directory) {
   const auto entries = list_keys(directory);
   if (!entries) return tl::unexpected(entries.error());
+  const std::int64_t now_s = utc_now_ns() / 1'000'000'000;
   AllowList list;
   for (const KeyEntry& entry : *entries) {
-    if (is_peer_role(entry.role)) list[entry.public_key] = entry.role;
+    if (is_peer_role(entry.role) && !entry.is_expired(now_s)) list[entry.public_key] = entry.role;
   }
   return list;
 }
@@ -209,7 +226,7 @@ Result<> make_keys_for(const fs::path& directory, const std::string& role, const
 }
 
 Result<> allow_key(const fs::path& directory, const std::string& role, const std::string& name,
-                   const fs::path& public_key) {
+                   const fs::path& public_key, std::int64_t expires_s) {
   if (auto ok = check_role(role); !ok) return ok;
   if (!is_file_safe(name))
     return invalid_input(concat("name '", name, "'"), "it becomes part of a file's name",
@@ -220,7 +237,8 @@ Result<> allow_key(const fs::path& directory, const std::string& role, const std
                          "revoke it first, or choose another");
   const auto key = read_public(public_key);
   if (!key) return tl::unexpected(key.error());
-  return write_file(file, *key + "\n", 0644);
+  const std::string expiry = expires_s == 0 ? "" : concat("expires ", expires_s, "\n");
+  return write_file(file, *key + "\n" + expiry, 0644);
 }
 
 Result<> revoke_key(const fs::path& directory, const std::string& role, const std::string& name) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -18,7 +19,7 @@ KeyPair generate_keys();
 
 // Who may connect: public key -> role, one of peer_roles().
 using AllowList = std::map<std::string, std::string>;
-// What the .pub files of a directory say. InvalidInput: a damaged file.
+// What the .pub files of a directory say that are not out of date. InvalidInput: a damaged file.
 Result<AllowList> read_allow_list(const std::filesystem::path& directory);
 
 // One key of a directory.
@@ -27,7 +28,9 @@ struct KeyEntry {
   std::string name;  // of the further machine; empty: this one's own
   std::string public_key;
   std::filesystem::path file;
-  bool has_secret = false;  // its .key is here
+  bool has_secret = false;     // its .key is here
+  std::int64_t expires_s = 0;  // UTC; 0: never
+  bool is_expired(std::int64_t now_s) const { return expires_s != 0 && now_s >= expires_s; }
 };
 Result<std::vector<KeyEntry>> list_keys(const std::filesystem::path& directory);
 
@@ -35,15 +38,17 @@ Result<std::vector<KeyEntry>> list_keys(const std::filesystem::path& directory);
 // InvalidInput: no such role, or there is a key already.
 Result<> make_keys_for(const std::filesystem::path& directory, const std::string& role,
                        const std::filesystem::path& out);
-// Lets a public key in, under a name. InvalidInput: no such role, no key, or the name is taken.
+// Lets a public key in, under a name, until a time (UTC; 0: for good). InvalidInput: no such role, no key, or
+// the name is taken.
 Result<> allow_key(const std::filesystem::path& directory, const std::string& role, const std::string& name,
-                   const std::filesystem::path& public_key);
+                   const std::filesystem::path& public_key, std::int64_t expires_s = 0);
 // Takes ROLE-NAME.pub away; its holder's messages count no more. NotFound.
 Result<> revoke_key(const std::filesystem::path& directory, const std::string& role, const std::string& name);
 
 // One directory holds the keys of an installation:
 //   ROLE.key  secret and public key of a role, readable by its owner only
-//   ROLE.pub  its public key; further machines are let in by adding ROLE-NAME.pub
+//   ROLE.pub  its public key; further machines are let in by adding ROLE-NAME.pub, whose second line may be
+//             "expires SECONDS" (UTC): a key that is lost with a job of a cluster does not count for ever
 class KeyRing {
  public:
   // Makes what is missing: the dispatcher's keys and those of each role. Unavailable: cannot be written.

@@ -6,6 +6,7 @@
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "proto/utc.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 
@@ -40,6 +41,10 @@ void make(const Options& options) {
             << (options.out / (options.role + ".pub")).string() << " --name NODE\n";
 }
 
+std::string time_text(const KeyEntry& entry) {
+  return utc_text(entry.expires_s * 1'000'000'000);
+}
+
 void list(const Options& options) {
   const auto entries = or_usage(list_keys(directory_of(options)));
   auto all = nlohmann::ordered_json::array();
@@ -48,16 +53,20 @@ void list(const Options& options) {
                    {"name", entry.name},
                    {"public_key", entry.public_key},
                    {"has_secret", entry.has_secret},
+                   {"expires", entry.expires_s == 0 ? nlohmann::ordered_json(nullptr)
+                                                    : nlohmann::ordered_json(time_text(entry))},
                    {"file", entry.file.string()}});
   if (options.json) {
     std::cout << all.dump(2) << '\n';
     return;
   }
-  std::cout << fmt::format("{:<11} {:<20} {:<41} {}\n", "ROLE", "NAME", "PUBLIC KEY", "SECRET");
+  std::cout << fmt::format("{:<11} {:<20} {:<41} {:<9} {}\n", "ROLE", "NAME", "PUBLIC KEY", "SECRET",
+                           "EXPIRES");
   for (const KeyEntry& entry : entries)
-    std::cout << fmt::format("{:<11} {:<20} {:<41} {}\n", entry.role,
+    std::cout << fmt::format("{:<11} {:<20} {:<41} {:<9} {}\n", entry.role,
                              entry.name.empty() ? "(this machine)" : entry.name, entry.public_key,
-                             entry.has_secret ? "here" : "elsewhere");
+                             entry.has_secret ? "here" : "elsewhere",
+                             entry.expires_s == 0 ? "never" : time_text(entry));
 }
 
 void allow(const Options& options) {

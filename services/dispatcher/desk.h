@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,7 @@ struct Dispatcher::Impl {
   Result<Message> on(PutCapture& m, const Sender&);
 
   // leasing.cc: workers
+  std::optional<Error> objection(const Ready& m) const;
   Result<Message> on(Ready& m, const Sender& sender);
   Result<Message> on(Heartbeat& m, const Sender&);
   Result<Message> on(Finish& m, const Sender&);
@@ -96,6 +98,8 @@ struct Dispatcher::Impl {
   std::vector<std::int64_t> undelivered;  // leases whose worker had gone
   bool unsure = false;                    // a commit failed: memory and ledger may differ
   Clock::time_point retry_at;             // when to try again without being asked
+  Clock::time_point next_look;            // for workers that are silent
+  std::string data_id;                    // of the volumes directory
   std::map<std::string, std::int64_t> counters;
   std::vector<std::string> endpoints, event_endpoints;
 };

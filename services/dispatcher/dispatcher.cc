@@ -10,6 +10,7 @@
 #include "services/bus/roles.h"
 #include "services/dispatcher/desk.h"
 #include "services/log/log.h"
+#include "services/store/data_id.h"
 
 namespace flamefield {
 
@@ -92,6 +93,7 @@ Result<> Dispatcher::Impl::start() {
   if (auto ok = reload(); !ok) return ok;
   if (auto ok = transaction->commit(); !ok) return ok;
   remove_staged(options.data_dir / "volumes");
+  data_id = make_data_id(options.data_dir).value_or("");  // not on a full disk: then nobody is asked for it
   if (const auto files = ledger.retired_files()) remove_files(options.data_dir, *files);
   for (const std::string& endpoint : options.endpoints) {
     if (auto ok = router.bind(endpoint); !ok) return ok;
@@ -126,7 +128,10 @@ Result<> Dispatcher::Impl::reload() {
 
 void Dispatcher::Impl::round(std::optional<Delivery> first) {
   const auto now = Clock::now();
-  roster.drop_silent(now - options.lease);
+  if (now >= next_look) {
+    roster.drop_silent(now - options.lease);
+    next_look = now + kTick;
+  }
   const bool due = unsure ? now >= retry_at
                           : !undelivered.empty() || !roster.expired(now).empty() ||
                                 (roster.has_idle() && queue.size() > 0);
@@ -199,14 +204,25 @@ void Dispatcher::Impl::answer(Delivery& delivery) {
     letters.push_back({delivery.peer, delivery.request, Rejected{reply.error()}});
   } else if (delivery.request != 0) {
     letters.push_back({delivery.peer, delivery.request, std::move(*reply)});
-  } else if (std::holds_alternative<LeaseLost>(*reply)) {
+  } else if (std::holds_alternative<LeaseLost>(*reply) || std::holds_alternative<Rejected>(*reply)) {
     letters.push_back({delivery.peer, 0, std::move(*reply)});
   }
 }
 
+namespace {
+
+// They change nothing in the ledger, and are most of what a thousand workers say.
+bool only_talks(const Message& message) {
+  return std::holds_alternative<Ready>(message) || std::holds_alternative<Heartbeat>(message) ||
+         std::holds_alternative<FetchSet>(message);
+}
+
+}  // namespace
+
 // Each message has a transaction of its own within the round: a refused one leaves no traces.
 Result<Message> Dispatcher::Impl::handle(Message& message, const Sender& sender) {
   roster.seen(sender.peer, Clock::now());
+  if (only_talks(message)) return std::visit([&](auto& m) { return on(m, sender); }, message);
   auto transaction = ledger.begin_within();
   if (!transaction) return tl::unexpected(transaction.error());
   auto reply = std::visit([&](auto& m) { return on(m, sender); }, message);

@@ -20,7 +20,7 @@ struct DispatcherOptions {
   std::chrono::milliseconds lease{10'000};    // a worker silent for longer has lost its job
   std::chrono::milliseconds back_off{1'000};  // before the second attempt; doubles with each further one
   int max_attempts = 10;                      // then the job has failed
-  int max_batch = 32;                         // messages per group commit
+  int max_batch = 256;                        // messages per group commit
   std::uint64_t segment_bytes = 256u << 20;   // of the spool
 };
 

@@ -143,6 +143,7 @@ std::optional<WaitingJob> JobQueue::take(const Candidate& worker, std::span<cons
   end_back_offs(now);
   if (paused_all_) return std::nullopt;
   for (const Priority priority : {Priority::Live, Priority::Interactive, Priority::Scheduled}) {
+    if (worker.live_only && priority != Priority::Live) break;
     Class& c = classes_[static_cast<std::size_t>(priority)];
     auto id = priority == Priority::Live ? newest(c, room_of(worker)) : fairest(c, room_of(worker));
     if (id) {
@@ -174,6 +175,9 @@ std::string JobQueue::why(std::int64_t id, std::span<const Candidate> workers, s
   if (paused_all_) return "paused with all others";
   if (job.not_before > now) return "back-off";
   if (workers.empty()) return "no worker connected";
+  if (job.priority != Priority::Live &&
+      std::ranges::all_of(workers, [](const Candidate& worker) { return worker.live_only; }))
+    return "no worker connected but those for live work";
   const std::int64_t largest = room_of(*std::ranges::max_element(workers, {}, room_of));
   if (job.need_mib > largest)
     return concat("needs ", gib(job.need_mib), ", largest worker has ", gib(largest));

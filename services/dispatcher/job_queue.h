@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -29,6 +30,7 @@ struct WaitingJob {
 struct Candidate {
   std::string name;
   std::int64_t memory_mib = 0;  // 0: not told, takes everything
+  bool live_only = false;
 };
 
 // Decides whose turn it is; knows neither sockets nor tables. Live before interactive before scheduled. Live
@@ -55,6 +57,11 @@ class JobQueue {
 
   std::int64_t size() const { return static_cast<std::int64_t>(jobs_.size()); }
   std::int64_t size(Priority priority) const { return static_cast<std::int64_t>(all_of(priority).size()); }
+  // May there be jobs that killed a worker? Only these need to know who is connected.
+  bool has_suspects() const {
+    return !later_.empty() ||
+           std::any_of(classes_.begin(), classes_.end(), [](const Class& c) { return !c.suspects.empty(); });
+  }
   bool paused_all() const { return paused_all_; }
   // The first ids by priority, live newest first, else oldest first (shares are not told apart).
   std::vector<std::int64_t> first(std::int64_t limit) const;

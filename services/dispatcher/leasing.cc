@@ -5,6 +5,7 @@
 #include "proto/utc.h"
 #include "proto/version.h"
 #include "services/dispatcher/desk.h"
+#include "services/store/data_id.h"
 
 namespace flamefield {
 
@@ -39,10 +40,28 @@ void Dispatcher::Impl::enqueue(const QueuedJob& job) {
   queue.add(std::move(waiting));
 }
 
-Result<Message> Dispatcher::Impl::on(Ready& m, const Sender& sender) {
+// None: it may work.
+std::optional<Error> Dispatcher::Impl::objection(const Ready& m) const {
   if (m.program_version != program_version())
     return invalid_input(concat("worker ", m.worker, " of version ", m.program_version),
-                         concat("the dispatcher is ", program_version()), "install the same version");
+                         concat("the dispatcher is ", program_version()), "install the same version")
+        .value();
+  if (!m.data_id.empty() && !data_id.empty() && m.data_id != data_id)
+    return invalid_input(concat("worker ", m.worker, " on ", m.host),
+                         m.data_id == kNoDataId
+                             ? "it finds no volumes of this dispatcher in its data directory"
+                             : "its data directory is not this dispatcher's",
+                         "share the volumes directory under the same path on every node")
+        .value();
+  return std::nullopt;
+}
+
+Result<Message> Dispatcher::Impl::on(Ready& m, const Sender& sender) {
+  if (auto error = objection(m)) {
+    ++counters["workers_refused"];
+    tell("worker-refused", m.worker, error->message, true);
+    return Rejected{std::move(*error)};
+  }
   roster.ready(sender.peer, m, sender.in_process, Clock::now());
   return Accepted{};
 }
@@ -139,8 +158,9 @@ Result<> Dispatcher::Impl::expire_leases() {
 
 Result<> Dispatcher::Impl::assign_work() {
   if (queue.size() == 0) return {};
-  const auto all = roster.candidates();
+  const auto all = queue.has_suspects() ? roster.candidates() : std::vector<Candidate>();
   for (const std::string& peer : roster.idle()) {
+    if (queue.size() == 0) break;
     const auto job = queue.take(roster.candidate(peer), all, steady_ns());
     if (!job) continue;
     auto lease = ledger.lease(job->id, {.worker = roster.name_of(peer),

@@ -2,9 +2,9 @@
 
 #include <chrono>
 #include <cstdint>
-#include <deque>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -28,7 +28,7 @@ class Roster {
   bool is_in_process(const std::string& peer) const;
 
   // Peers with a credit, the longest waiting first.
-  std::vector<std::string> idle() const { return {idle_.begin(), idle_.end()}; }
+  std::vector<std::string> idle() const;
   // All that are connected, with the memory of their machines; and one of them, with what of it the jobs that
   // run there are expected to leave.
   std::vector<Candidate> candidates() const;
@@ -53,18 +53,30 @@ class Roster {
   struct Worker {
     Ready told;
     bool in_process = false;
-    std::int64_t token = 0;  // 0: none
+    std::uint64_t credit = 0;  // its place in idle_; 0: none
+    std::int64_t token = 0;    // 0: none
     std::int64_t job_id = 0;
     std::int64_t need_mib = 0;  // of that job
     Clock::time_point last_seen;
   };
+  // Whose memory it is: the host's, or the worker's own.
+  static std::string memory_of(const Worker& worker) {
+    return worker.told.own_memory ? "worker " + worker.told.worker : "host " + worker.told.host;
+  }
   struct Held {
     std::string peer;
     Clock::time_point deadline;
   };
-  std::map<std::string, Worker> workers_;  // by peer
-  std::deque<std::string> idle_;
+  void spend_credit(Worker& worker);
+  void reserve(Worker& worker, std::int64_t need_mib);
+
+  // A thousand workers say thousands of things a second: nothing here walks over all of them for one.
+  std::map<std::string, Worker> workers_;      // by peer
+  std::map<std::uint64_t, std::string> idle_;  // peers with a credit, in the order in which they got it
+  std::uint64_t credits_ = 0;
+  std::map<std::string, std::int64_t> reserved_mib_;  // by memory: what the jobs there are expected to need
   std::map<std::int64_t, Held> leases_;
+  std::set<std::pair<Clock::time_point, std::int64_t>> deadlines_;  // of leases_
 };
 
 }  // namespace flamefield

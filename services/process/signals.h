@@ -9,13 +9,15 @@ namespace flamefield {
 // threads started before it would still die of the signals.
 class SignalStop {
  public:
-  SignalStop();
+  // `drains`: SIGUSR1 is a request to finish what is in hand and to end then; else it ends the process.
+  explicit SignalStop(bool drains = false);
   ~SignalStop();
   SignalStop(const SignalStop&) = delete;
   std::stop_token token() const { return source_.get_token(); }
+  std::stop_token drain() const { return drain_.get_token(); }
 
  private:
-  std::stop_source source_;
+  std::stop_source source_, drain_;
   std::jthread watcher_;
 };
 

@@ -25,7 +25,7 @@ constexpr int kMostIdleDeaths = 5;
 sigset_t watched() {
   sigset_t set;
   sigemptyset(&set);
-  for (const int number : {SIGCHLD, SIGTERM, SIGINT}) sigaddset(&set, number);
+  for (const int number : {SIGCHLD, SIGTERM, SIGINT, SIGUSR1}) sigaddset(&set, number);
   return set;
 }
 
@@ -39,7 +39,7 @@ int wait_for(pid_t child) {
     const timespec tick{1, 0};
     const int got = ::sigtimedwait(&set, &info, &tick);
     // A terminal sends Ctrl-C to both of us.
-    if (got == SIGTERM || (got == SIGINT && info.si_code == SI_USER)) ::kill(child, got);
+    if (got == SIGTERM || got == SIGUSR1 || (got == SIGINT && info.si_code == SI_USER)) ::kill(child, got);
   }
 }
 
@@ -62,6 +62,7 @@ int supervise(const std::function<int(Life&)>& live) {
   const sigset_t blocked = watched();
   sigset_t before;
   ::sigprocmask(SIG_BLOCK, &blocked, &before);
+  sigaddset(&before, SIGUSR1);  // for the child to wait for, not to die of
   for (int idle_deaths = 0; idle_deaths < kMostIdleDeaths;) {
     life.in_hand = 0;
     const pid_t parent = ::getpid();

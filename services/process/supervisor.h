@@ -17,8 +17,8 @@ struct Life {
 };
 
 // Runs `live` in a child process, and again in a new one each time a signal kills it. Ends, with the child's
-// exit code, when the child ends by itself; SIGTERM and SIGINT are passed on to it. Gives up, with 1, when
-// children die with nothing in hand five times in a row. To be called while there is one thread only.
+// exit code, when the child ends by itself; SIGTERM, SIGINT and SIGUSR1 are passed on to it. Gives up, with
+// 1, when children die with nothing in hand five times in a row. To be called while there is one thread only.
 int supervise(const std::function<int(Life&)>& live);
 
 }  // namespace flamefield

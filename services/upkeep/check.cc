@@ -69,7 +69,8 @@ void find_strays(const std::vector<Artefact>& artefacts, const fs::path& directo
   for (const Artefact& artefact : artefacts) known.insert(artefact.path);
   std::error_code problem;
   for (const auto& entry : fs::directory_iterator(directory / "volumes", problem)) {
-    const std::string path = "volumes/" + entry.path().filename().string();
+    const std::string name = entry.path().filename().string(), path = "volumes/" + name;
+    if (name.starts_with('.')) continue;  // which directory it is
     if (path.find(".part-") == std::string::npos && !known.contains(path))
       check.faults.push_back({"stray-file", path, "the ledger does not know it", false});
   }

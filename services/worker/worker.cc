@@ -9,11 +9,14 @@
 #include "proto/version.h"
 #include "services/bus/client.h"
 #include "services/log/log.h"
+#include "services/store/data_id.h"
 #include "services/worker/machine.h"
 
 namespace flamefield {
 
 namespace {
+
+using Clock = std::chrono::steady_clock;
 
 constexpr std::chrono::milliseconds kTick{20}, kJobTick{4};
 
@@ -49,11 +52,13 @@ class Worker::Session {
         talk_(std::move(talk)),
         data_(std::move(data)) {}
 
-  Result<> run(std::stop_token stop);
+  Result<> run(std::stop_token stop, std::stop_token drain);
   void report_lost_life();
 
  private:
-  Result<std::optional<Lease>> wait_for_lease(std::stop_token stop);
+  Ready credit() const;
+  Result<std::optional<Lease>> wait_for_lease(const std::function<bool()>& enough);
+  Result<> check_silence() const;
   void work_on(const Lease& lease, std::stop_token stop);
   Result<Run> attempt(const Lease& lease, std::stop_token stop);
   void keep_alive();
@@ -66,6 +71,7 @@ class Worker::Session {
   std::mutex mutex_;  // of progress_
   Progress progress_;
   bool lease_lost_ = false;
+  Clock::time_point last_work_ = Clock::now(), last_word_ = Clock::now();
 };
 
 Worker::Worker(Bus& bus, const WorkerOptions& options, JobStep step)
@@ -74,14 +80,14 @@ Worker::Worker(Bus& bus, const WorkerOptions& options, JobStep step)
   if (options_.memory_mib == 0) options_.memory_mib = memory_of_this_machine_mib();
 }
 
-Result<> Worker::run(std::stop_token stop) {
+Result<> Worker::run(std::stop_token stop, std::stop_token drain) {
   auto talk = Client::connect(bus_, "worker", options_.name, options_.endpoint);
   if (!talk) return tl::unexpected(talk.error());
   auto data = Client::connect(bus_, "worker", options_.name + ".data", options_.endpoint);
   if (!data) return tl::unexpected(data.error());
   Session session(*this, std::move(*talk), std::move(*data));
   session.report_lost_life();
-  return session.run(stop);
+  return session.run(stop, drain);
 }
 
 // The dispatcher would find out by silence, but not whose fault it was. Lost is only the haste: when nobody
@@ -95,32 +101,59 @@ void Worker::Session::report_lost_life() {
   worker_.lost_ = {};
 }
 
-Result<> Worker::Session::run(std::stop_token stop) {
-  while (!stop.stop_requested()) {
-    const auto lease = wait_for_lease(stop);
+Result<> Worker::Session::run(std::stop_token stop, std::stop_token drain) {
+  const auto idle_for = [&] { return Clock::now() - last_work_; };
+  const auto enough = [&] {
+    const bool idle = options_.idle_limit.count() > 0 && idle_for() >= options_.idle_limit;
+    return idle || stop.stop_requested() || drain.stop_requested();
+  };
+  while (!enough()) {
+    const auto lease = wait_for_lease(enough);
     if (!lease) return tl::unexpected(lease.error());
-    if (*lease) work_on(**lease, stop);
+    if (auto ok = check_silence(); !ok) return ok;
+    if (!*lease) continue;
+    work_on(**lease, stop);
+    last_work_ = last_word_ = Clock::now();
   }
   return {};
 }
 
-// One Ready is one credit. It is repeated while idle, since a restarted dispatcher knows nobody.
-Result<std::optional<Lease>> Worker::Session::wait_for_lease(std::stop_token stop) {
+Ready Worker::Session::credit() const {
   Ready ready{options_.name, std::string(program_version()), options_.threads};
   ready.host = host_name();
   ready.cores = std::max(1u, std::thread::hardware_concurrency());
   ready.memory_mib = options_.memory_mib;
-  (void)talk_.tell(ready);
-  const auto again = std::chrono::steady_clock::now() + options_.heartbeat;
-  while (!stop.stop_requested() && std::chrono::steady_clock::now() < again) {
+  if (!options_.data_dir.empty()) ready.data_id = read_data_id(options_.data_dir);
+  ready.live_only = options_.live_only;
+  ready.own_memory = options_.own_memory;
+  return ready;
+}
+
+// One Ready is one credit. It is repeated while idle, since a restarted dispatcher knows nobody; then an
+// answer is asked for, to know that there is one.
+Result<std::optional<Lease>> Worker::Session::wait_for_lease(const std::function<bool()>& enough) {
+  const bool repeated = Clock::now() - last_work_ >= options_.heartbeat;
+  (void)(repeated ? talk_.post(credit()) : talk_.tell(credit()));
+  const auto again = Clock::now() + options_.heartbeat;
+  while (!enough() && Clock::now() < again) {
     auto message = talk_.next(kTick);
     if (!message) continue;
+    last_word_ = Clock::now();
     if (auto* lease = std::get_if<Lease>(&*message)) return std::optional(std::move(*lease));
     // A dispatcher with a full disk takes nobody for now; another version it never will.
     const auto* no = std::get_if<Rejected>(&*message);
     if (no && no->error.code == ErrorCode::InvalidInput) return tl::unexpected(no->error);
   }
   return std::optional<Lease>();
+}
+
+Result<> Worker::Session::check_silence() const {
+  if (options_.silence_limit.count() == 0 || Clock::now() - last_word_ < options_.silence_limit) return {};
+  return unavailable(
+      concat("worker ", options_.name, " heard nothing of the dispatcher for ",
+             options_.silence_limit.count(), " s"),
+      concat(options_.endpoint, " is away, or this worker's key was revoked or is out of date"),
+      "is the dispatcher running, and does 'flamefield keys list' show the key?");
 }
 
 void Worker::Session::work_on(const Lease& lease, std::stop_token stop) {
@@ -135,7 +168,7 @@ void Worker::Session::work_on(const Lease& lease, std::stop_token stop) {
     result = attempt(lease, job_stop.get_token());
     finished = true;
   });
-  auto next_beat = std::chrono::steady_clock::now() + options_.heartbeat;
+  auto next_beat = Clock::now() + options_.heartbeat;
   while (!finished) {
     if (auto message = talk_.next(kJobTick)) {
       const auto* lost = std::get_if<LeaseLost>(&*message);
@@ -144,9 +177,9 @@ void Worker::Session::work_on(const Lease& lease, std::stop_token stop) {
         job_stop.request_stop();
       }
     }
-    if (std::chrono::steady_clock::now() < next_beat) continue;
+    if (Clock::now() < next_beat) continue;
     keep_alive();
-    next_beat = std::chrono::steady_clock::now() + options_.heartbeat;
+    next_beat = Clock::now() + options_.heartbeat;
   }
   job.join();
   *worker_.in_hand_ = 0;
@@ -182,14 +215,14 @@ Result<Run> Worker::Session::attempt(const Lease& lease, std::stop_token stop) {
 
 // The dispatcher may be away for a moment: the result is offered until it answers or patience ends.
 void Worker::Session::hand_in(const Lease& lease, const Result<Run>& run) {
-  const auto give_up = std::chrono::steady_clock::now() + options_.patience;
+  const auto give_up = Clock::now() + options_.patience;
   Message message = Accepted{};
   if (run)
     message = Finish{lease.token, *run};
   else
     message = Fail{lease.token, run.error()};
   Result<Message> answer = unavailable("result", "the lease was lost", "drop it");
-  while (!lease_lost_ && std::chrono::steady_clock::now() < give_up) {
+  while (!lease_lost_ && Clock::now() < give_up) {
     answer = talk_.ask(message, std::min(options_.patience, std::chrono::milliseconds(2'000)));
     if (answer || answer.error().code != ErrorCode::Unavailable) break;
   }

@@ -35,6 +35,11 @@ struct WorkerOptions {
   std::int64_t memory_mib = 0;                 // that jobs may use; 0: what the machine has
   std::chrono::milliseconds heartbeat{1'000};  // well below a third of the lease
   std::chrono::milliseconds patience{30'000};  // for answers of the dispatcher
+  bool own_memory = false;                     // memory_mib is not shared with other workers of this host
+  bool live_only = false;                      // takes live work alone
+  // A worker that was hired for a time, e.g. as a job of a cluster, goes home by itself. 0: it stays.
+  std::chrono::seconds idle_limit{0};     // without a job for so long
+  std::chrono::seconds silence_limit{0};  // without a word of the dispatcher for so long: an error
 };
 
 // A job that the worker's process died of the last time, told by whoever watched it.
@@ -55,9 +60,10 @@ class Worker {
     lost_ = std::move(last);
   }
 
-  // Until asked to stop; then the job at hand is given back at once. An error only when the dispatcher
-  // refuses this worker (other version), or the endpoint is malformed.
-  Result<> run(std::stop_token stop);
+  // Until asked to stop; then the job at hand is given back at once. Asked to drain, it finishes that job and
+  // takes no other. An error only when the dispatcher refuses this worker (another version, other volumes,
+  // its key revoked), is silent for too long, or the endpoint is malformed.
+  Result<> run(std::stop_token stop, std::stop_token drain = {});
 
  private:
   class Session;

@@ -182,7 +182,7 @@ std::vector<Message> one_of_each() {
           PutMetrics{"run", {{"a", 1.5}}},
           GetStatus{},
           status,
-          Ready{"worker-1", "0.1.0", 2, "host", 4, 8000},
+          Ready{"worker-1", "0.1.0", 2, "host", 4, 8000, "id", true, true},
           some_lease(),
           FetchSet{{"burst", 3}},
           SetData{small_set()},
