@@ -7,9 +7,16 @@
 
 namespace flamefield {
 
+namespace {
+
+constexpr int kMaxSockets = 65'000;
+
+}  // namespace
+
 Bus::Bus() : impl_(std::make_unique<Impl>()) {}
 
 Bus::Bus(const KeyRing& keys) : impl_(std::make_unique<Impl>()) {
+  impl_->context.set(zmq::ctxopt::max_sockets, kMaxSockets);
   impl_->keys = keys;
   impl_->allowed.emplace(keys);
   impl_->doorkeeper =

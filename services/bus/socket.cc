@@ -1,6 +1,9 @@
 #include "services/bus/socket.h"
 
+#include <sys/resource.h>
+
 #include <cstring>
+#include <mutex>
 
 #include "proto/check.h"
 
@@ -38,7 +41,19 @@ struct Unobserved {
 
 constexpr std::size_t kMaxParts = kMaxCameras + 2;
 constexpr char kDomain[] = "flamefield";
+constexpr int kBacklog = 4096;        // connections that wait to be accepted: a whole cluster's at once
 constexpr int kHandshake_ms = 5'000;  // then a connection that says nothing is closed
+
+// Every connection is a file; the usual 1024 would turn away the workers of a cluster.
+void allow_many_connections() {
+  static std::once_flag once;
+  std::call_once(once, [] {
+    rlimit files{};
+    if (::getrlimit(RLIMIT_NOFILE, &files) != 0) return;
+    files.rlim_cur = files.rlim_max;
+    ::setrlimit(RLIMIT_NOFILE, &files);
+  });
+}
 
 bool is_inproc(const std::string& endpoint) {
   return endpoint.starts_with("inproc://");
@@ -96,6 +111,8 @@ Socket::~Socket() {
 
 void Socket::be_server() {
   if (!bus_.keys) return;
+  allow_many_connections();
+  socket_.set(zmq::sockopt::backlog, kBacklog);
   watch_handshakes();
   socket_.set(zmq::sockopt::handshake_ivl, kHandshake_ms);
   socket_.set(zmq::sockopt::curve_server, true);

@@ -57,6 +57,10 @@ Result<Ledger> Ledger::open(const fs::path& directory) {
     impl->database.exec("PRAGMA journal_mode = WAL");
     impl->database.exec("PRAGMA synchronous = FULL");
     impl->database.exec("PRAGMA foreign_keys = ON");
+    // For thousands of commits a second: indices stay in memory, and a checkpoint, which syncs twice, comes
+    // every 32 MiB instead of every 4.
+    impl->database.exec("PRAGMA cache_size = -65536");
+    impl->database.exec("PRAGMA wal_autocheckpoint = 8192");
     if (!migrate(impl->database))
       return invalid_input(concat("ledger ", file), "it was written by a newer version of this program",
                            "use that version");
