@@ -22,7 +22,7 @@ constexpr std::array kCommands = {
     &add_phantom, &add_ring,   &add_render,  &add_prepare,  &add_reconstruct, &add_evaluate,
     &add_bench,   &add_study,  &add_show,    &add_convert,  &add_simulate,    &add_cameras,
     &add_doctor,  &add_replay, &add_jobs,    &add_selftest, &add_reprocess,   &add_schedule,
-    &add_rigs,    &add_keys,   &add_ledger};
+    &add_rigs,    &add_keys,   &add_ledger,  &add_cluster};
 
 int report(ExitCode code, const std::string& message) {
   std::cerr << "flamefield: " << message << '\n';

@@ -10,6 +10,7 @@
 #include "proto/utc.h"
 #include "reconstruct/solver.h"
 #include "services/api/records_json.h"
+#include "services/cli/cluster_options.h"
 #include "services/cli/commands.h"
 #include "services/cli/connection.h"
 #include "services/cli/progress.h"
@@ -27,6 +28,8 @@ using Json = nlohmann::ordered_json;
 struct Options {
   DataOption data;
   ReprocessOptions what;
+  ClusterOptions cluster;
+  bool data_given = false;
   ScheduleOptions when;
   std::string every, name, executor = "local";
   bool dry_run = false, preview = false, wait = false, json = false;
@@ -68,6 +71,11 @@ Submitted submit(const Options& options, const ReprocessPlan& plan, const std::o
   if (rig) or_fail(connection.client.ask_for<RigStored>(PutRig{*rig}, patience));
   return or_fail(submit_plan(
       plan, [&](const Submit& order) { return connection.client.ask_for<Submitted>(order, patience); }));
+}
+
+std::vector<Status::Worker> connected_workers(const Options& options) {
+  DispatcherConnection connection = connect_to_dispatcher(options.data);
+  return or_fail(connection.client.ask_for<Status>(GetStatus{}, std::chrono::seconds(10))).workers;
 }
 
 // Waits for the runs; a job of them that fails ends the command with its reason.
@@ -121,25 +129,56 @@ void add_to_schedules(const Options& options, const ReprocessOrder& order, const
             << "); see 'flamefield schedule list'\n";
 }
 
-void run(const Options& options, const Session& session) {
-  if (options.executor != "local")
-    throw CommandFailure{ExitCode::Usage, concat("--executor ", options.executor,
-                                                 " (this version cannot start pilot jobs of a cluster yet) "
-                                                 "use local, or start 'flamefield-worker' there by hand")};
+PilotSize size_of_pilots(const Options& options, const ReprocessPlan& plan,
+                         const std::optional<ClusterPlace>& place) {
+  if (!place) return {};
+  const bool known = plan.past_runs > 0;
+  return options.cluster.size({plan.volumes(), known ? plan.seconds : 0, known ? plan.peak_rss_mib : 0},
+                              place->config);
+}
+
+std::string would_hire(const PilotSize& size) {
+  return fmt::format("pilots: {} of {} cores, {} MiB and {} min each", size.pilots, size.cores,
+                     size.memory_mib, size.minutes);
+}
+
+void run(Options& options, const Session& session) {
+  const bool on_cluster = options.executor == "slurm";
+  if (on_cluster && !options.every.empty())
+    throw CommandFailure{ExitCode::Usage,
+                         "--every with --executor slurm (a schedule places jobs, it hires nobody) "
+                         "leave one out, and run 'flamefield cluster up' when pilots are needed"};
+  std::optional<ClusterPlace> place;
+  if (on_cluster || !options.cluster.config.empty())
+    place = options.cluster.place(options.data, options.data_given);
   const auto [order, rig] = options.what.read();
   auto ledger = or_fail(LedgerQuery::open(options.data.dir));
   ReprocessPlan plan = or_usage(plan_reprocessing(ledger, order, validate_recipe, utc_now_ns()));
   if (!options.every.empty() && !options.dry_run) return add_to_schedules(options, order, rig);
   if (options.preview) plan = preview_of(plan);
-  if (options.dry_run || plan.volumes() == 0) return print_plan(plan, options.json);
+  const PilotSize size = size_of_pilots(options, plan, place);
+  if (options.dry_run || plan.volumes() == 0) {
+    print_plan(plan, options.json);
+    if (on_cluster && !options.json && plan.volumes() > 0) std::cout << would_hire(size) << '\n';
+    return;
+  }
   if (!options.json) print_plan(plan, false);
+  // Pilots first: where Slurm refuses, nothing is put in line; where this is cut short, they find nothing and
+  // end.
+  std::optional<Hired> hired;
+  if (on_cluster) hired = hire_pilots(*place, size, false, connected_workers(options));
+  if (hired && !options.json) std::cout << text_of(*hired, size) << '\n';
   const Submitted submitted = submit(options, plan, rig);
   if (options.preview || options.wait) {
     wait_for(options, submitted, session);
     return print_runs(options, submitted.run_ids);
   }
   if (options.json)
-    std::cout << Json{{"jobs", submitted.job_ids.size()}, {"identical", submitted.identical}}.dump(2) << '\n';
+    std::cout << Json{{"jobs", submitted.job_ids.size()},
+                      {"identical", submitted.identical},
+                      {"pilots", hired ? Json(hired->name) : Json(nullptr)}}
+                     .dump(2)
+              << '\n';
   else
     std::cout << submitted.job_ids.size()
               << " jobs are in line; watch them with 'flamefield status --watch'\n";
@@ -156,9 +195,15 @@ void add_reprocess(CLI::App& app, Session& session) {
   command->add_option("--every", options->every, "Cron expression: store this as a schedule instead");
   command->add_option("--name", options->name, "Of the schedule");
   add_schedule_options(*command, options->when);
-  command->add_option("--executor", options->executor, "local; slurm: not yet")
+  command
+      ->add_option(
+          "--executor", options->executor,
+          "local: whoever is connected; slurm: also pilots that are submitted for this, sized by the "
+          "estimate")
       ->check(CLI::IsMember({"local", "slurm"}))
       ->capture_default_str();
+  add_cluster_place(*command, options->cluster);
+  add_cluster_size(*command, options->cluster);
   command->add_flag("--dry-run", options->dry_run, "Only say what would be done, and what it would take");
   command->add_flag("--preview", options->preview, "Do the first volume only, at once, and wait for it");
   command->add_flag("--wait", options->wait, "Wait until everything is done");
@@ -168,8 +213,13 @@ void add_reprocess(CLI::App& app, Session& session) {
       "  flamefield reprocess --where \"capture ~ '*-burst' and residual > 0.1\" --recipe better.toml "
       "--dry-run\n"
       "  flamefield reprocess --where 'solver = hessian' --sweep hessian.beta=0.5,1,2 --preview\n"
+      "  flamefield reprocess --where \"capture = 'monday'\" --recipe better.toml --executor slurm --config "
+      "lab.toml\n"
       "  flamefield reprocess --stale --every '30 2 * * mon-fri' --zone Europe/Vienna");
-  command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
+  command->callback([=, &session] {
+    options->data_given = command->count("--data") > 0;
+    session.choose([=, &session] { run(*options, session); });
+  });
 }
 
 }  // namespace flamefield

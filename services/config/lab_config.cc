@@ -40,6 +40,19 @@ class KeyReader {
     if (const TomlEntry* entry = single(key))
       out = static_cast<T>(number(key, entry->values[0], low, high, true));
   }
+  // A list of texts.
+  void take(const std::string& key, std::vector<std::string>& out) {
+    known_.insert(key);
+    const auto found = file_.entries.find(key);
+    if (found == file_.entries.end()) return;
+    out.clear();
+    for (const Setting& value : found->second.values) {
+      const auto* text = std::get_if<std::string>(&value);
+      if (!text || !found->second.is_list)
+        return refuse(key, "not a list of texts", "e.g. [\"--exclusive\"]");
+      out.push_back(*text);
+    }
+  }
   // A list of three.
   std::optional<Eigen::Vector3d> take_triple(const std::string& key, double low, double high, bool is_whole) {
     known_.insert(key);
@@ -208,6 +221,27 @@ void read_reconstruction(KeyReader& keys, LabConfig& lab) {
     lab.domain.origin_mm = *origin;
 }
 
+void read_cluster(KeyReader& keys, ClusterConfig& cluster) {
+  keys.take("cluster.endpoint", cluster.endpoint);
+  keys.take("cluster.directory", cluster.directory);
+  keys.take("cluster.worker", cluster.worker);
+  keys.take("cluster.partition", cluster.partition);
+  keys.take("cluster.live_partition", cluster.live_partition);
+  keys.take("cluster.account", cluster.account);
+  keys.take("cluster.constraint", cluster.constraint);
+  keys.take("cluster.sbatch", cluster.sbatch);
+  keys.take("cluster.setup", cluster.setup);
+  keys.take("cluster.pilots", cluster.pilots, 1, 20'000);
+  keys.take("cluster.cores", cluster.cores, 1, 4096);
+  keys.take("cluster.memory_mib", cluster.memory_mib, 0, 1e8);
+  keys.take("cluster.minutes", cluster.minutes, 0, 1e5);
+  keys.take("cluster.most_minutes", cluster.most_minutes, 1, 1e5);
+  keys.take("cluster.idle_s", cluster.idle_s, 1, 1e6);
+  keys.take("cluster.drain_s", cluster.drain_s, 1, 65'535);
+  keys.take("cluster.silence_s", cluster.silence_s, 1, 1e6);
+  keys.take("cluster.key_days", cluster.key_days, 1, 3650);
+}
+
 }  // namespace
 
 Result<LabConfig> read_lab_config(const std::filesystem::path& path) {
@@ -228,6 +262,7 @@ Result<LabConfig> read_lab_config(const std::filesystem::path& path) {
   keys.take("bus.acquisition", lab.acquisition_endpoint);
   keys.take("bus.keys", lab.keys_directory);
   read_reconstruction(keys, lab);
+  read_cluster(keys, lab.cluster);
   if (auto ok = keys.finish(); !ok) return tl::unexpected(ok.error());
   return lab;
 }

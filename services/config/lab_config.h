@@ -19,6 +19,27 @@ struct LabCamera {
   std::string serial;   // refused when another camera is there; empty: any
 };
 
+// [cluster] of lab.toml: workers as jobs of Slurm.
+struct ClusterConfig {
+  std::string endpoint;  // endpoint: of the dispatcher, as the nodes see it; empty: [bus] dispatcher
+  std::filesystem::path directory;  // directory: shared by all nodes, its volumes/ is the data directory's
+                                    // own; empty: the data directory
+  std::string worker;  // worker: flamefield-worker on the nodes; empty: the one beside this program
+  std::string partition, live_partition;  // partition, live_partition; empty: Slurm's default, none
+  std::string account, constraint;        // account, constraint; empty: none
+  std::vector<std::string> sbatch;        // sbatch: further arguments
+  std::string setup;                      // setup: shell lines before the worker starts
+  int pilots = 16;                        // pilots: at most, [1, 20 000]
+  int cores = 2;                          // cores: of a pilot, [1, 4096]
+  int memory_mib = 0;       // memory_mib: of a pilot, [0, 100 000 000]; 0: as recorded runs of the work took
+  int minutes = 0;          // minutes: time limit of a pilot, [0, 100 000]; 0: likewise
+  int most_minutes = 1440;  // most_minutes: of that estimate, [1, 100 000]
+  int idle_s = 60;          // idle_s: a pilot without work for so long ends, [1, 1 000 000]
+  int drain_s = 120;        // drain_s: before its time limit a pilot takes no further job, [1, 65 535]
+  int silence_s = 300;      // silence_s: a pilot that hears nothing of the dispatcher ends, [1, 1 000 000]
+  int key_days = 14;        // key_days: the pilots' key is out of date then, [1, 3650]
+};
+
 // What a laboratory sets once: lab.toml. Each comment is the key; lengths and times carry their unit in it.
 struct LabConfig {
   std::string laboratory = "laboratory";                     // laboratory
@@ -73,6 +94,7 @@ struct LabConfig {
   int workers = 0;                            // workers, [0, 256]; 0: one a core
   int threads_per_worker = 0;                 // threads, [0, 1024]; 0: all
   Grid domain = centred_grid(52, 55, 52, 1);  // size = [NX, NY, NZ], spacing_mm, origin_mm = [X, Y, Z]
+  ClusterConfig cluster;                      // [cluster]
 };
 
 // Defaults where a key is absent. Unknown keys, wrong types and values out of range are InvalidInput with

@@ -155,6 +155,32 @@ TEST(LabConfig, TheSampleSaysTheDefaults) {
   EXPECT_EQ(lab->workers, defaults.workers);
   EXPECT_EQ(lab->threads_per_worker, defaults.threads_per_worker);
   EXPECT_EQ(lab->domain, defaults.domain);
+  const ClusterConfig &cluster = lab->cluster, &usual = defaults.cluster;
+  EXPECT_TRUE(cluster.partition.empty() && cluster.sbatch.empty() && cluster.directory.empty());
+  EXPECT_EQ(cluster.pilots, usual.pilots);
+  EXPECT_EQ(cluster.cores, usual.cores);
+  EXPECT_EQ(cluster.memory_mib, usual.memory_mib);
+  EXPECT_EQ(cluster.minutes, usual.minutes);
+  EXPECT_EQ(cluster.most_minutes, usual.most_minutes);
+  EXPECT_EQ(cluster.idle_s, usual.idle_s);
+  EXPECT_EQ(cluster.drain_s, usual.drain_s);
+  EXPECT_EQ(cluster.silence_s, usual.silence_s);
+  EXPECT_EQ(cluster.key_days, usual.key_days);
+}
+
+TEST(LabConfig, TakesWhatAClusterNeeds) {
+  const Scratch scratch;
+  overwrite(scratch / "lab.toml",
+            "[cluster]\npartition = \"night\"\nsbatch = [\"--qos=low\", \"--exclusive\"]\ndirectory = "
+            "\"shared\"\n");
+  const auto lab = read_lab_config(scratch / "lab.toml");
+  ASSERT_TRUE(lab) << lab.error().message;
+  EXPECT_EQ(lab->cluster.partition, "night");
+  EXPECT_EQ(lab->cluster.sbatch, (std::vector<std::string>{"--qos=low", "--exclusive"}));
+  EXPECT_EQ(lab->cluster.directory, scratch / "shared");
+  EXPECT_NE(lab_fault("[cluster]\nsbatch = \"--exclusive\"\n").find(":2: "), std::string::npos);
+  EXPECT_NE(lab_fault("[cluster]\nsbatch = [3]\n").find("not a list of texts"), std::string::npos);
+  EXPECT_NE(lab_fault("[cluster]\npilots = 0\n").find("cluster.pilots"), std::string::npos);
 }
 
 TEST(LabConfig, TheSampleShowsEveryKey) {
