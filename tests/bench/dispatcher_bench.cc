@@ -49,8 +49,10 @@ double seconds_since(Clock::time_point start) {
 // One worker: two connections as the real one has, and no mathematics.
 class LightWorker {
  public:
-  LightWorker(Bus& bus, const std::string& endpoint, std::string name, std::chrono::duration<double> work)
-      : name_(std::move(name)),
+  LightWorker(Bus& bus, const std::string& endpoint, std::filesystem::path data_dir, std::string name,
+              std::chrono::duration<double> work)
+      : data_dir_(std::move(data_dir)),
+        name_(std::move(name)),
         work_(std::chrono::duration_cast<Clock::duration>(work)),
         talk_(bus, "worker", name_),
         data_(bus, "worker", name_ + ".data") {
@@ -108,10 +110,13 @@ class LightWorker {
     run.program_version = lease_->job.program_version;
     run.solver = run.processing.recipe.solver;
     run.worker = name_;
+    run.volume_path = "volumes/" + run.id + ".vtkhdf";
+    std::ofstream(data_dir_ / staged_path(run.volume_path, lease_->token));
     (void)talk_.send(Finish{lease_->token, run}, ++request_);
     finishing_ = true;
   }
 
+  std::filesystem::path data_dir_;
   std::string name_;
   Clock::duration work_;
   Dealer talk_, data_;
@@ -210,8 +215,9 @@ class Bench {
   void simulate(int thread, std::stop_token end) {
     std::vector<std::unique_ptr<LightWorker>> workers;
     for (int i = thread; i < o_.workers; i += o_.threads)
-      workers.push_back(std::make_unique<LightWorker>(
-          bus_, endpoint_, concat("light-", i), std::chrono::duration<double>(i < o_.slow ? o_.slow_s : 0)));
+      workers.push_back(
+          std::make_unique<LightWorker>(bus_, endpoint_, data_, concat("light-", i),
+                                        std::chrono::duration<double>(i < o_.slow ? o_.slow_s : 0)));
     while (!end.stop_requested()) {
       bool any = false;
       for (auto& worker : workers) any = worker->turn(counts_) || any;
