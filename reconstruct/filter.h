@@ -5,6 +5,7 @@
 
 #include "reconstruct/layout.h"
 #include "reconstruct/parallel.h"
+#include "reconstruct/projector.h"
 
 namespace flamefield {
 
@@ -12,6 +13,9 @@ namespace flamefield {
 // each of the six neighbours (at the faces of the box the voxel stands in for a missing neighbour). `scratch`
 // has the volume's size. Both packed.
 void smooth(std::vector<float>& volume, std::vector<float>& scratch, const Layout& layout, double share,
+            Team& team);
+// The same of a volume of which each rank holds some planes (share.h).
+void smooth(std::vector<float>& volume, std::vector<float>& scratch, const Projector& projector, double share,
             Team& team);
 
 }  // namespace flamefield

@@ -8,6 +8,13 @@
 
 namespace flamefield {
 
+// Planes begin .. end - 1 of constant z.
+struct Planes {
+  int begin = 0, end = 0;
+  int count() const { return end - begin; }
+  bool operator==(const Planes&) const = default;
+};
+
 // How the mathematics keeps volumes and images in memory: vertical columns contiguous, bottom first, each
 // padded to whole SIMD vectors. A column of voxels then maps onto a column of pixels of a level camera with
 // unit strides on both sides. Padding is zero and stays zero: solvers treat it like a voxel or pixel that no

@@ -1,5 +1,7 @@
 #include "reconstruct/monitor.h"
 
+#include "reconstruct/share.h"
+
 namespace flamefield {
 
 std::vector<SettingField> fields_of(StopRules& o) {
@@ -18,8 +20,9 @@ double Monitor::elapsed_s() const {
 }
 
 std::optional<StopReason> Monitor::interrupted() const {
-  if (control_.stop.stop_requested()) return StopReason::Cancelled;
-  if (control_.time_limit_s > 0 && elapsed_s() >= control_.time_limit_s) return StopReason::TimeLimit;
+  if (agree(control_.ranks, control_.stop.stop_requested())) return StopReason::Cancelled;
+  if (control_.time_limit_s > 0 && agree(control_.ranks, elapsed_s() >= control_.time_limit_s))
+    return StopReason::TimeLimit;
   return std::nullopt;
 }
 

@@ -29,7 +29,8 @@ class Monitor {
   std::optional<StopReason> after(int iteration, double residual, double fitness = 0,
                                   const std::array<float, 5>& operator_success = {});
 
-  // Only the outside reasons to end, for solvers that report less often than they iterate.
+  // Only the outside reasons to end, for solvers that report less often than they iterate. Of several ranks,
+  // all ask, and the first one decides.
   std::optional<StopReason> interrupted() const;
 
   double elapsed_s() const;

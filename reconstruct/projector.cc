@@ -14,7 +14,7 @@ namespace flamefield {
 
 namespace {
 
-Result<> check(const Rig& rig, const Grid& grid, const ProjectorOptions& o) {
+Result<> check(const Rig& rig, const Grid& grid, const ProjectorOptions& o, bool is_shared) {
   if (auto ok = validate(rig); !ok) return ok;
   if (auto ok = validate(grid); !ok) return ok;
   if (o.pixel_samples < 1 || o.pixel_samples > 8 || !(o.step_voxels > 0) || !(o.step_voxels <= 1) ||
@@ -40,7 +40,7 @@ Result<> check(const Rig& rig, const Grid& grid, const ProjectorOptions& o) {
     }
     pixels += static_cast<double>(c.image_width_px) * c.image_height_px;
   }
-  if (pixels >= 4294967296.0 || static_cast<double>(grid.voxels()) >= 4294967296.0) {
+  if (pixels >= 4294967296.0 || (!is_shared && static_cast<double>(grid.voxels()) >= 4294967296.0)) {
     return invalid_input(concat(pixels, " pixels, ", grid.voxels(), " voxels"),
                          "fewer than 2^32 of each are supported", "bin the images or use larger voxels");
   }
@@ -77,18 +77,29 @@ std::shared_ptr<const ProjectorEngine> fast_engine(const Rig& rig, const Grid& g
 }  // namespace
 
 Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const ProjectorOptions& options,
-                                  Team& team) {
-  if (auto ok = check(rig, grid, options); !ok) return tl::unexpected(ok.error());
-  Projector out;
-  out.grid_ = grid;
-  out.layout_ = Layout(grid, static_cast<int>(rig.cameras.size()), rig.cameras.front().image_height_px,
-                       rig.cameras.front().image_width_px);
+                                  Team& team, Ranks* ranks) {
+  if (auto ok = check(rig, grid, options, ranks != nullptr); !ok) return tl::unexpected(ok.error());
+  const Result<Share> share = ranks ? Share::among(*ranks, grid) : Share(grid);
+  if (!share) return tl::unexpected(share.error());
+  Projector out(*share);
+  const auto layout_of = [&](const Grid& held) {
+    return Layout(held, static_cast<int>(rig.cameras.size()), rig.cameras.front().image_height_px,
+                  rig.cameras.front().image_width_px);
+  };
+  out.layout_ = layout_of(out.grid_);
+  const Layout whole = layout_of(grid);
   out.cameras_ = rig.cameras;
   for (const Camera& c : rig.cameras) out.view_names_.push_back(c.name);
   out.all_views_.resize(out.views());
   std::iota(out.all_views_.begin(), out.all_views_.end(), std::size_t{0});
   if (!options.trilinear) {
-    if ((out.engine_ = fast_engine(rig, grid, out.layout_, options))) return out;
+    if ((out.engine_ = fast_engine(rig, grid, whole, options))) return out;
+  }
+  if (ranks) {
+    return invalid_input(
+        "the ray tracer and several ranks",
+        "it was asked for, or is all that can serve these cameras, and needs the whole volume",
+        "set projector.trilinear=false, use pixels of at most 4 voxels, or run without ranks");
   }
   if (options.f_number > 0) {
     return invalid_input(
@@ -98,9 +109,9 @@ Result<Projector> Projector::make(const Rig& rig, const Grid& grid, const Projec
   }
   const double budget_bytes = options.memory_budget_mib * 1048576;
   if (StoredMatrix::estimated_bytes(rig, grid, options, team) <= budget_bytes) {
-    out.engine_ = std::make_shared<StoredMatrix>(rig, grid, out.layout_, options, team);
+    out.engine_ = std::make_shared<StoredMatrix>(rig, grid, whole, options, team);
   } else {
-    out.engine_ = std::make_shared<RayEngine>(rig, grid, out.layout_, options);
+    out.engine_ = std::make_shared<RayEngine>(rig, grid, whole, options);
   }
   return out;
 }
@@ -115,16 +126,23 @@ void Projector::forward(Team& team, std::span<const std::size_t> views, std::spa
                         std::span<float> projections) const {
   expect(volume.size() == layout_.voxels() && projections.size() == layout_.pixels(),
          "shapes match the projector");
-  engine_->forward(team, views, volume, projections);
+  std::vector<Share::Range> ranges;
+  const std::size_t size = layout_.pixels_per_view();
+  for (const std::size_t view : views) ranges.push_back({view * size, size});
+  share_.sum_images(team, ranges, projections, [&](const Planes& planes, std::span<float> images) {
+    const std::size_t begin = layout_.voxel(0, 0, planes.begin - share_.planes().begin);
+    const std::size_t end = layout_.voxel(0, 0, planes.end - share_.planes().begin);
+    engine_->forward(team, views, planes, volume.subspan(begin, end - begin), images);
+  });
 }
 void Projector::adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
                         std::span<float> volume) const {
   expect(volume.size() == layout_.voxels() && projections.size() == layout_.pixels(),
          "shapes match the projector");
-  engine_->adjoint(team, views, projections, volume);
+  engine_->adjoint(team, views, projections, share_.planes(), volume);
 }
 void Projector::column(std::size_t voxel, std::vector<ColumnEntry>& entries) const {
-  expect(voxel < grid_.voxels(), "the voxel is in the grid");
+  expect(voxel < grid_.voxels() && share_.is_alone(), "the voxel is in the grid, all of which is held");
   entries.clear();
   engine_->column(voxel, entries);
 }

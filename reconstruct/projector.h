@@ -11,6 +11,7 @@
 #include "reconstruct/layout.h"
 #include "reconstruct/parallel.h"
 #include "reconstruct/projector/engine.h"
+#include "reconstruct/share.h"
 
 namespace flamefield {
 
@@ -29,15 +30,19 @@ struct ProjectorOptions {
 // A, the linear map from a volume to its projections, in mm: line integrals through any camera, lens
 // distortion included. Volumes and projections are packed (layout()), so that solvers never convert. Forward,
 // adjoint and columns come from one discretisation.
-// Immutable; may be shared by solves and threads.
+// Immutable; may be shared by solves and threads. With ranks, a volume is the planes that this process holds
+// (share()), images are whole, and forward is called by all ranks together.
 class Projector {
  public:
-  // InvalidInput: invalid rig or grid, cameras of different image sizes, options out of range.
-  static Result<Projector> make(const Rig& rig, const Grid& grid, const ProjectorOptions& options,
-                                Team& team);
+  // InvalidInput: invalid rig or grid, cameras of different image sizes, options out of range; with ranks,
+  // more of them than can share the grid, or a rig that only a ray tracer can serve. `ranks` must outlive
+  // this; null: the whole volume is held.
+  static Result<Projector> make(const Rig& rig, const Grid& grid, const ProjectorOptions& options, Team& team,
+                                Ranks* ranks = nullptr);
 
-  const Grid& grid() const { return grid_; }
-  const Layout& layout() const { return layout_; }
+  const Grid& grid() const { return grid_; }        // of the planes held
+  const Layout& layout() const { return layout_; }  // likewise
+  const Share& share() const { return share_; }
   const std::vector<Camera>& cameras() const { return cameras_; }
   const std::vector<std::string>& view_names() const { return view_names_; }
   int rows() const { return layout_.rows; }
@@ -60,8 +65,9 @@ class Projector {
   void column(std::size_t voxel, std::vector<ColumnEntry>& entries) const;
 
  private:
-  Projector() = default;
+  explicit Projector(const Share& share) : grid_(share.grid()), share_(share) {}
   Grid grid_;
+  Share share_;
   std::vector<Camera> cameras_;
   std::vector<std::string> view_names_;
   Layout layout_;

@@ -66,6 +66,17 @@ Result<const Solver*> solver_of(const Recipe& recipe) {
                        concat("did you mean '", nearest_name(recipe.solver, names), "'?"));
 }
 
+// All ranks must be able to take part.
+Result<> check_spread(const Solver& solver, const Ranks* ranks) {
+  if (!ranks || ranks->count() == 1 || solver.spread != Spread::No) return {};
+  std::string able;
+  for (const Solver& s : solvers())
+    if (s.spread != Spread::No) able += concat(able.empty() ? "" : ", ", s.name);
+  return invalid_input(concat("solver ", solver.name, " on ", ranks->count(), " ranks"),
+                       "it works in one process only",
+                       concat("run it without ranks, or choose one of ", able));
+}
+
 // What a recipe says beside its solvers' own tables.
 struct SharedOptions {
   ProjectorOptions projector;
@@ -121,6 +132,11 @@ std::string_view summary_of(std::string_view name) {
   return solver ? solver->summary : "";
 }
 
+Spread spread_of(std::string_view name) {
+  const Solver* solver = find_solver(name);
+  return solver ? solver->spread : Spread::No;
+}
+
 bool takes_warm_start(std::string_view name) {
   const Solver* solver = find_solver(name);
   return solver && solver->takes_start;
@@ -156,12 +172,15 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   if (auto ok = check_views(projections, projector); !ok) return tl::unexpected(ok.error());
   const auto start = std::chrono::steady_clock::now();
   const Solver& solver = **solver_of(recipe);
+  const Share& share = projector.share();
+  const Grid& whole = share.whole();
   if (control.start && !solver.takes_start) {
     return invalid_input("a warm start", concat("solver ", solver.name, " has no use for one"),
                          "leave it out or choose an iterative solver, e.g. sirt");
   }
   if (control.start)
-    if (auto ok = check_start(*control.start, projector.grid()); !ok) return tl::unexpected(ok.error());
+    if (auto ok = check_start(*control.start, whole); !ok) return tl::unexpected(ok.error());
+  if (auto ok = check_spread(solver, control.ranks); !ok) return tl::unexpected(ok.error());
   const SharedOptions shared = *shared_options(recipe);
   Team team(control.threads);
   if (auto ok = check_sight(projector, team); !ok) return tl::unexpected(ok.error());
@@ -184,7 +203,12 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
     support = visual_hull(projector, images, shared.constraints.hull_threshold, team);
   problem.support = support;
   std::vector<float> warm;
-  if (control.start) warm = layout.pack_volume(control.start->values);
+  if (control.start) {
+    const std::size_t plane = whole.index(0, 0, 1);
+    warm = layout.pack_volume(
+        std::span(control.start->values)
+            .subspan(static_cast<std::size_t>(share.planes().begin) * plane, projector.grid().voxels()));
+  }
   for (float& v : warm) v /= scale;
   problem.start = warm;
   auto solved = solver.run(problem, recipe);
@@ -202,8 +226,8 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   for (float& v : rendered.values) v *= scale;
   out.residual = relative_distance(rendered.values, projections.values);
   out.residual_per_view = residual_per_view(projections, rendered);
-  out.volume.grid = projector.grid();
-  out.volume.values = layout.unpack_volume(solution.volume);
+  out.volume.grid = whole;
+  out.volume.values = share.collect(layout.unpack_volume(solution.volume));
   for (float& v : out.volume.values) v *= scale;
   if (!solution.sigma.empty()) out.sigma = layout.unpack_volume(solution.sigma);
   for (float& s : out.sigma) s *= scale;
@@ -227,9 +251,11 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Rig& ri
   const auto start = std::chrono::steady_clock::now();
   const auto options = projector_options(recipe);
   if (!options) return tl::unexpected(options.error());
+  if (auto ok = check_spread(**solver_of(recipe), control.ranks); !ok) return tl::unexpected(ok.error());
   auto projector = [&] {
     Team team(control.threads);
-    return Projector::make(rig, grid, *options, team);
+    return Projector::make(rig, grid, *options, team,
+                           spread_of(recipe.solver) == Spread::Slabs ? control.ranks : nullptr);
   }();
   if (!projector) return tl::unexpected(projector.error());
   auto out = reconstruct(projections, *projector, recipe, control);

@@ -41,6 +41,9 @@ struct SolveControl {
   std::function<void(std::string_view)> checkpoint = {};
   double checkpoint_every_s = 30;
   std::string_view resume = {};
+  // Other processes that work on the same solve, each with the same images, rig, grid and recipe; null: none.
+  // The first one gets the volume, others an empty one. Must outlive the solve.
+  Ranks* ranks = nullptr;
 };
 
 enum class StopReason {
@@ -79,7 +82,7 @@ std::vector<std::string_view> solver_names();
 // Runs the recipe's solver. InvalidInput: views that do not match the rig, NaN or infinity among the
 // projections (named by view, row and column), unknown solver or setting (with the nearest known name), an
 // empty or oversized grid, a rig that does not see it, a warm start of another grid or for a solver that has
-// no use for one.
+// no use for one, several ranks for a solver that cannot be spread over them.
 Result<Reconstruction> reconstruct(const Projections& projections, const Rig& rig, const Grid& grid,
                                    const Recipe& recipe, const SolveControl& control);
 
@@ -95,7 +98,11 @@ Result<ProjectorOptions> projector_options(const Recipe& recipe);
 std::vector<SettingDoc> settings_of(std::string_view table);
 std::vector<std::string_view> shared_tables();         // tables that are no solver's
 std::string_view summary_of(std::string_view solver);  // one line with its source
-bool takes_warm_start(std::string_view solver);         // false also for unknown ones
+bool takes_warm_start(std::string_view solver);        // false also for unknown ones
+
+// What several ranks do with a solver: share the volume in slabs, or evolve islands.
+enum class Spread { No, Slabs, Islands };
+Spread spread_of(std::string_view solver);  // No also for unknown ones
 
 // Checks solver name and all tables of a recipe without running it.
 Result<> validate_recipe(const Recipe& recipe);

@@ -111,7 +111,7 @@ Solution sweep(const Problem& whole, const SweepOptions& options, std::vector<fl
       constrain(problem, out.volume);
     }
     if (options.smoothing > 0) {
-      smooth(out.volume, back, layout, options.smoothing, problem.team);
+      smooth(out.volume, back, projector, options.smoothing, problem.team);
       constrain(problem, out.volume);
     }
     double square = 0;

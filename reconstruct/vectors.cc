@@ -21,6 +21,12 @@ double dot(Team& team, std::span<const float> a, std::span<const float> b) {
   return total;
 }
 
+double dot(const Projector& projector, Team& team, std::span<const float> a, std::span<const float> b) {
+  return projector.share().sum(projector.layout(), [&](std::size_t begin, std::size_t end) {
+    return dot(team, a.subspan(begin, end - begin), b.subspan(begin, end - begin));
+  });
+}
+
 std::vector<float> even_volume(const Layout& l) {
   const auto voxels =
       static_cast<std::size_t>(l.nx) * static_cast<std::size_t>(l.ny) * static_cast<std::size_t>(l.nz);

@@ -5,6 +5,7 @@
 
 #include "reconstruct/layout.h"
 #include "reconstruct/parallel.h"
+#include "reconstruct/projector.h"
 
 namespace flamefield {
 
@@ -12,6 +13,12 @@ namespace flamefield {
 double dot(Team& team, std::span<const float> a, std::span<const float> b);
 inline double squared_norm(Team& team, std::span<const float> a) {
   return dot(team, a, a);
+}
+
+// Of volumes, of which each rank holds some planes (share.h); of a whole volume the same bits as above.
+double dot(const Projector& projector, Team& team, std::span<const float> a, std::span<const float> b);
+inline double squared_norm(const Projector& projector, Team& team, std::span<const float> a) {
+  return dot(projector, team, a, a);
 }
 
 // Ones, packed; the padding is zero.

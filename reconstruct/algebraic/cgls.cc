@@ -41,10 +41,10 @@ Solution solve_cgls(const Problem& problem, const CglsOptions& options) {
   residual();
   gradient();
   std::vector<float> p = s;
-  double gamma = squared_norm(team, s);
+  double gamma = squared_norm(projector, team, s);
   for (int iteration = 1;; ++iteration) {
     projector.forward(team, p, q);
-    const double curvature = squared_norm(team, q) + shift * squared_norm(team, p);
+    const double curvature = squared_norm(team, q) + shift * squared_norm(projector, team, p);
     if (curvature > 0) {
       const double step = gamma / curvature;
       add_scaled(team, step, p, out.volume);
@@ -56,7 +56,7 @@ Solution solve_cgls(const Problem& problem, const CglsOptions& options) {
       residual();
     }
     gradient();
-    const double before = std::exchange(gamma, squared_norm(team, s));
+    const double before = std::exchange(gamma, squared_norm(projector, team, s));
     out.iterations = iteration;
     out.voxel_updates += static_cast<double>(s.size());
     const double norm_r = std::sqrt(squared_norm(team, r));

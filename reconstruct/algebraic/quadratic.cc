@@ -102,8 +102,8 @@ double normal_scale(const Problem& problem, std::span<const float> pixel_weights
   problem.projector.forward(problem.team, x, images);
   multiply(problem.team, pixel_weights, images);
   problem.projector.adjoint(problem.team, images, x);
-  const double voxels = static_cast<double>(layout.nx) * layout.ny * layout.nz;
-  return std::sqrt(squared_norm(problem.team, x) / voxels);
+  const auto voxels = static_cast<double>(problem.projector.share().whole().voxels());
+  return std::sqrt(squared_norm(problem.projector, problem.team, x) / voxels);
 }
 
 std::vector<float> random_pull(const Quadratic& q, int draw) {

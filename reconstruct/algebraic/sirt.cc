@@ -30,7 +30,9 @@ Solution solve_sirt(const Problem& problem, const SirtOptions& options) {
   const float least_row = kLeastShare * *std::ranges::max_element(row_sums);
   std::vector<float> column_sums(layout.voxels());
   problem.projector.adjoint(problem.team, even_images(layout), column_sums);
-  const float most = *std::ranges::max_element(column_sums) / static_cast<float>(options.sweeps.subsets);
+  const auto largest = static_cast<float>(
+      problem.projector.share().largest(static_cast<double>(*std::ranges::max_element(column_sums))));
+  const float most = largest / static_cast<float>(options.sweeps.subsets);
   const float least_column = std::max(kUnmet, kLeastShare * most);
   const auto relaxation = static_cast<float>(options.relaxation);
 

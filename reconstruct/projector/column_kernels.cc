@@ -141,7 +141,7 @@ HWY_INLINE void resample(const Block& block, const Alike& alike, float* HWY_REST
 // One step behind: what has just been stored in vectors is slow to load at other borders.
 void AddForward(const float* volume, const std::uint8_t* lit, const StripPatch& patch,
                 const StripShape& shape, KernelScratch& scratch, float* images) {
-  const Block block(patch, shape, 0, shape.others);
+  const Block block(patch, shape, shape.begin, shape.end);
   Alike before;
   std::size_t buffer = 0;
   each_alike(patch, [&](const Alike& alike) HWY_ATTR {

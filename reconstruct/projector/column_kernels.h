@@ -32,7 +32,7 @@ struct StripShape {
   int ny = 0;              // voxels in a column
   std::size_t column = 0;  // floats in a column, a multiple of 16; padding is zero
   int others = 0;          // voxel columns in a plane
-  int begin = 0, end = 0;  // those of them that the adjoint may write to
+  int begin = 0, end = 0;  // those of them that count
   std::size_t stride = 0;  // floats from one to the next
   int rows = 0;            // pixels in a line
   std::size_t line = 0;    // floats in a line, a multiple of 16; padding is zero
@@ -54,7 +54,7 @@ class KernelScratch {
   std::vector<float> data_;
 };
 
-// The vector kernels want four voxel columns or more in a plane and in what the adjoint writes to. They
+// The vector kernels want four voxel columns or more in a plane and in what counts of it. They
 // handle pixels between half a voxel and 1.75 voxels high that average over at most one voxel to each side;
 // the plain ones everything. Both compute the same sums.
 constexpr int kFewestVectorColumns = 4;

@@ -33,7 +33,7 @@ void each_weight(const StripPatch& patch, const StripShape& shape, int begin, in
 }  // namespace
 
 void add_forward_plain(const float* volume, const StripPatch& patch, const StripShape& shape, float* images) {
-  each_weight(patch, shape, 0, shape.others, [&](std::size_t voxel, std::size_t pixel, float weight) {
+  each_weight(patch, shape, shape.begin, shape.end, [&](std::size_t voxel, std::size_t pixel, float weight) {
     images[pixel] += weight * volume[voxel];
   });
 }

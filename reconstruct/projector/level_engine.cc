@@ -62,13 +62,18 @@ LevelEngine::LevelEngine(std::vector<LevelView> views, const Layout& layout)
       }
 }
 
-LevelEngine::Walk LevelEngine::walk(bool along_z, std::size_t patch_floats, int slab) const {
+LevelEngine::Walk LevelEngine::walk(bool along_z, const Planes& held, std::size_t patch_floats,
+                                    int slab) const {
   const std::size_t row = static_cast<std::size_t>(layout_.nx) * layout_.column;
-  Walk out{along_z, along_z ? layout_.nz : layout_.nx, along_z ? row : layout_.column, {}, 0, 0, 0};
+  const LevelView::Run in_z{held.begin, held.end}, in_x{0, layout_.nx};
+  Walk out{along_z, along_z ? in_z : in_x, along_z ? row : layout_.column, {}, 0, 0, 0, false, 0};
+  out.is_parted = held.count() < layout_.nz;
+  out.before = static_cast<std::size_t>(held.begin) * row;
   out.shape.ny = layout_.ny;
   out.shape.column = layout_.column;
   out.shape.others = along_z ? layout_.nx : layout_.nz;
-  out.shape.end = out.shape.others;
+  out.shape.begin = along_z ? in_x.begin : in_z.begin;
+  out.shape.end = along_z ? in_x.end : in_z.end;
   out.shape.stride = along_z ? layout_.column : row;
   out.shape.rows = layout_.rows;
   out.shape.line = layout_.line;
@@ -78,8 +83,7 @@ LevelEngine::Walk LevelEngine::walk(bool along_z, std::size_t patch_floats, int 
   const auto tile = static_cast<int>(kTileFloats / (static_cast<std::size_t>(out.slab) * layout_.column));
   // The last tile is no smaller than the kernels want.
   out.tile = std::max(tile, 4 * kFewestVectorColumns);
-  while (out.tiles() > 1 && out.shape.others % out.tile != 0 &&
-         out.shape.others % out.tile < kFewestVectorColumns)
+  while (out.tiles() > 1 && out.others() % out.tile != 0 && out.others() % out.tile < kFewestVectorColumns)
     ++out.tile;
   return out;
 }
@@ -94,7 +98,8 @@ StripShape LevelEngine::Walk::seen_by(const LevelView& view) const {
 StripPatch LevelEngine::patch(const Walk& w, std::size_t view, int col, int cols, int plane, int planes,
                               LevelView::Strips& strips) const {
   StripPatch out = views_[view].patch(col, cols, plane, planes, strips);
-  out.plane = static_cast<std::size_t>(plane) * w.plane_stride;
+  // May wrap around; with a voxel column that is held, it comes back.
+  out.plane = static_cast<std::size_t>(plane) * w.plane_stride - w.before;
   out.plane_step = w.plane_stride;
   out.line = line(view, col);
   out.line_step = layout_.line;
@@ -115,10 +120,21 @@ void LevelEngine::each_patch(const Walk& w, LevelView::Run cols, LevelView::Run 
 void LevelEngine::add_pixel_columns(const Walk& w, std::size_t view, LevelView::Run cols,
                                     LevelView::Run planes, std::span<const float> volume,
                                     std::span<const std::uint8_t> lit, std::span<float> projections) const {
-  const StripShape shape = w.seen_by(views_[view]);
+  const LevelView& geometry = views_[view];
+  const StripShape shape = w.seen_by(geometry);
   KernelScratch& scratch = scratch_for(shape);
   LevelView::Strips strips;
+  const double reach = 2 + geometry.largest_half();
+  const auto meets = [&](int col, int plane, int deep) {
+    const auto [low, high] =
+        std::minmax({geometry.crossing(col, plane), geometry.crossing(col, plane + deep - 1)});
+    return low < shape.end + reach && high > shape.begin - reach;
+  };
   each_patch(w, cols, planes, [&](int col, int wide, int plane, int deep) {
+    if (w.is_parted && !w.along_z) {
+      const LevelView::Run run = narrowed({col, col + wide}, [&](int c) { return meets(c, plane, deep); });
+      if (run.begin >= run.end) return;
+    }
     const StripPatch p = patch(w, view, col, wide, plane, deep, strips);
     if (vectors_) {
       add_forward(volume.data(), lit.data(), p, shape, scratch, projections.data());
@@ -128,8 +144,8 @@ void LevelEngine::add_pixel_columns(const Walk& w, std::size_t view, LevelView::
   });
 }
 
-void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
-                          std::span<float> projections) const {
+void LevelEngine::forward(Team& team, std::span<const std::size_t> views, const Planes& held,
+                          std::span<const float> volume, std::span<float> projections) const {
   // A flame leaves much of the box dark.
   std::vector<std::uint8_t> lit(volume.size() / layout_.column);
   team.run_ranges(lit.size(), 1024, [&](std::size_t begin, std::size_t end) {
@@ -149,14 +165,15 @@ void LevelEngine::forward(Team& team, std::span<const std::size_t> views, std::s
   };
   each_line([&](std::size_t at) { std::fill_n(projections.data() + at, layout_.line, 0.0f); });
   for (const bool along_z : {true, false}) {
-    const Walk w = walk(along_z, kForward.patch_floats, kForward.slab);
-    const int tiles = w.tiles(), slab = tiles == 1 ? w.planes : w.slab;
+    const Walk w = walk(along_z, held, kForward.patch_floats, kForward.slab);
+    const int tiles = w.tiles(), slab = tiles == 1 && !w.is_parted ? w.planes.end : w.slab;
     const int wide = tiles == 1 ? kColumnsPerTask : layout_.cols, parts = (layout_.cols + wide - 1) / wide;
-    for (int from = 0; from < w.planes; from += slab) {
-      const LevelView::Run planes{from, std::min(w.planes, from + slab)};
+    for (int from = w.planes.begin; from < w.planes.end; from += slab) {
+      const LevelView::Run planes{from, std::min(w.planes.end, from + slab)};
       // Each pixel column belongs to one tile of the slab, so that no two tasks share one.
       const auto is_in = [&](const LevelView& view, int col, int tile) {
-        const double at = view.crossing(col, (planes.begin + planes.end) / 2) / static_cast<float>(w.tile);
+        const float crossing = view.crossing(col, (planes.begin + planes.end) / 2);
+        const double at = (crossing - static_cast<float>(w.shape.begin)) / static_cast<float>(w.tile);
         return tile == static_cast<int>(std::clamp(std::floor(at), 0.0, tiles - 1.0));
       };
       team.run(static_cast<std::size_t>(tiles) * views.size() * static_cast<std::size_t>(parts),
@@ -205,7 +222,7 @@ void LevelEngine::add_tile(const Walk& w, std::size_t view, LevelView::Run plane
 }
 
 void LevelEngine::adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
-                          std::span<float> volume) const {
+                          const Planes& held, std::span<float> volume) const {
   // Lengths are applied once; what is left is the transpose of blend and resample.
   std::vector<float> weighted(projections.size());
   const auto cols = static_cast<std::size_t>(layout_.cols);
@@ -216,18 +233,18 @@ void LevelEngine::adjoint(Team& team, std::span<const std::size_t> views, std::s
     }
   });
   for (const bool along_z : {true, false}) {
-    const Walk w = walk(along_z, kAdjoint.patch_floats, kAdjoint.slab);
-    const int tiles = w.tiles(), slabs = (w.planes + w.slab - 1) / w.slab;
+    const Walk w = walk(along_z, held, kAdjoint.patch_floats, kAdjoint.slab);
+    const int tiles = w.tiles(), slabs = (w.planes.end - w.planes.begin + w.slab - 1) / w.slab;
     team.run(static_cast<std::size_t>(slabs) * static_cast<std::size_t>(tiles), [&](std::size_t task) {
-      const int from = static_cast<int>(task) / tiles * w.slab,
-                first = static_cast<int>(task) % tiles * w.tile;
-      const LevelView::Run planes{from, std::min(w.planes, from + w.slab)};
-      const LevelView::Run tile{first, std::min(w.shape.others, first + w.tile)};
+      const int from = w.planes.begin + static_cast<int>(task) / tiles * w.slab,
+                first = w.shape.begin + static_cast<int>(task) % tiles * w.tile;
+      const LevelView::Run planes{from, std::min(w.planes.end, from + w.slab)};
+      const LevelView::Run tile{first, std::min(w.shape.end, first + w.tile)};
       const auto each_column = [&](const auto& work) {
         for (int plane = planes.begin; plane < planes.end; ++plane)
           for (int other = tile.begin; other < tile.end; ++other) {
-            work(volume.data() + static_cast<std::size_t>(plane) * w.plane_stride +
-                 static_cast<std::size_t>(other) * w.shape.stride);
+            work(volume.data() + (static_cast<std::size_t>(plane) * w.plane_stride +
+                                  static_cast<std::size_t>(other) * w.shape.stride - w.before));
           }
       };
       if (along_z) each_column([&](float* column) { std::fill_n(column, layout_.column, 0.0f); });

@@ -19,28 +19,32 @@ class LevelEngine : public ProjectorEngine {
 
   LevelEngine(std::vector<LevelView> views, const Layout& layout);
 
-  void forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
-               std::span<float> projections) const override;
+  void forward(Team& team, std::span<const std::size_t> views, const Planes& planes,
+               std::span<const float> volume, std::span<float> projections) const override;
   void adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
-               std::span<float> volume) const override;
+               const Planes& planes, std::span<float> volume) const override;
   void column(std::size_t voxel, std::vector<ColumnEntry>& entries) const override;
   std::string name() const override;
 
  private:
   // The volume as seen along a main direction: planes of voxel columns, in slabs of planes and, within a
   // slab, tiles of neighbouring voxel columns that stay in cache while all views pass.
+  // What is not held of the volume lies outside `planes`, or outside the shape's begin .. end.
   struct Walk {
     bool along_z;
-    int planes;
+    LevelView::Run planes;
     std::size_t plane_stride;  // floats from plane to plane
     StripShape shape;          // but for what depends on the view
     int slab, tile;            // planes; voxel columns
     int patch;                 // planes of a patch
+    bool is_parted;            // not all of the volume is held
+    std::size_t before;        // floats of the volume before what is held
 
     StripShape seen_by(const LevelView& view) const;
-    int tiles() const { return (shape.others + tile - 1) / tile; }
+    int others() const { return shape.end - shape.begin; }
+    int tiles() const { return (others() + tile - 1) / tile; }
   };
-  Walk walk(bool along_z, std::size_t patch_floats, int slab) const;
+  Walk walk(bool along_z, const Planes& held, std::size_t patch_floats, int slab) const;
   StripPatch patch(const Walk& w, std::size_t view, int col, int cols, int plane, int planes,
                    LevelView::Strips& strips) const;
   template <class Visit>

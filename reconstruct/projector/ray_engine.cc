@@ -45,8 +45,8 @@ std::vector<MarchedRay> RayEngine::rays_of(Team& team, std::size_t view) const {
   return out;
 }
 
-void RayEngine::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
-                        std::span<float> projections) const {
+void RayEngine::forward(Team& team, std::span<const std::size_t> views, const Planes&,
+                        std::span<const float> volume, std::span<float> projections) const {
   const std::size_t pixels = layout_.pixels_per_view();
   for (const std::size_t view : views) {
     const std::vector<MarchedRay> rays = rays_of(team, view);
@@ -102,7 +102,7 @@ void RayEngine::gather_slab(const std::vector<MarchedRay>& rays, std::span<const
 }
 
 void RayEngine::adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
-                        std::span<float> volume) const {
+                        const Planes&, std::span<float> volume) const {
   constexpr std::size_t kPlanes = 8;
   const std::size_t pixels = layout_.pixels_per_view();
   std::fill(volume.begin(), volume.end(), 0.0f);

@@ -11,10 +11,10 @@ class RayEngine : public ProjectorEngine {
  public:
   RayEngine(const Rig& rig, const Grid& grid, const Layout& layout, const ProjectorOptions& options);
 
-  void forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
-               std::span<float> projections) const override;
+  void forward(Team& team, std::span<const std::size_t> views, const Planes& planes,
+               std::span<const float> volume, std::span<float> projections) const override;
   void adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
-               std::span<float> volume) const override;
+               const Planes& planes, std::span<float> volume) const override;
   void column(std::size_t voxel, std::vector<ColumnEntry>& entries) const override;
   std::string name() const override { return "traced"; }
 

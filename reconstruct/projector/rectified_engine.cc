@@ -168,10 +168,10 @@ RectifiedEngine::Sample RectifiedEngine::sample_of(std::size_t view, int row, in
   return {static_cast<std::int32_t>(corner), static_cast<float>(x - x0), static_cast<float>(up - up0)};
 }
 
-void RectifiedEngine::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
-                              std::span<float> projections) const {
+void RectifiedEngine::forward(Team& team, std::span<const std::size_t> views, const Planes& planes,
+                              std::span<const float> volume, std::span<float> projections) const {
   std::vector<float> images(twin_layout_.pixels());
-  twins_->forward(team, views, volume, images);
+  twins_->forward(team, views, planes, volume, images);
   team.run(views.size(), [&](std::size_t i) {
     prefilter(images.data() + views[i] * twin_layout_.pixels_per_view(),
               static_cast<std::size_t>(twin_layout_.cols), twin_layout_.line);
@@ -199,7 +199,8 @@ void RectifiedEngine::forward(Team& team, std::span<const std::size_t> views, st
 }
 
 void RectifiedEngine::adjoint(Team& team, std::span<const std::size_t> views,
-                              std::span<const float> projections, std::span<float> volume) const {
+                              std::span<const float> projections, const Planes& planes,
+                              std::span<float> volume) const {
   std::vector<float> images(twin_layout_.pixels(), 0.0f);
   team.run(views.size(), [&](std::size_t i) {
     const std::size_t view = views[i];
@@ -217,7 +218,7 @@ void RectifiedEngine::adjoint(Team& team, std::span<const std::size_t> views,
     }
     prefilter(image, static_cast<std::size_t>(twin_layout_.cols), twin_layout_.line);
   });
-  twins_->adjoint(team, views, images, volume);
+  twins_->adjoint(team, views, images, planes, volume);
 }
 
 void RectifiedEngine::column(std::size_t voxel, std::vector<ColumnEntry>& entries) const {

@@ -116,8 +116,8 @@ StoredMatrix::StoredMatrix(const Rig& rig, const Grid& grid, const Layout& layou
   });
 }
 
-void StoredMatrix::forward(Team& team, std::span<const std::size_t> views, std::span<const float> volume,
-                           std::span<float> projections) const {
+void StoredMatrix::forward(Team& team, std::span<const std::size_t> views, const Planes&,
+                           std::span<const float> volume, std::span<float> projections) const {
   team.run(views.size(), [&](std::size_t i) {
     const View& view = views_[views[i]];
     float* image = projections.data() + views[i] * layout_.pixels_per_view();
@@ -133,7 +133,7 @@ void StoredMatrix::forward(Team& team, std::span<const std::size_t> views, std::
 }
 
 void StoredMatrix::adjoint(Team& team, std::span<const std::size_t> views, std::span<const float> projections,
-                           std::span<float> volume) const {
+                           const Planes&, std::span<float> volume) const {
   constexpr std::size_t kGrain = 4096;
   team.run_ranges(volume.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     std::fill(volume.begin() + static_cast<std::ptrdiff_t>(begin),

@@ -22,7 +22,8 @@ constexpr std::size_t kGrain = 8192;
 PrimalDual::PrimalDual(const Problem& problem)
     : problem_(problem),
       layout_(problem.projector.layout()),
-      differences_(problem.projector.grid(), layout_),
+      share_(problem.projector.share()),
+      differences_(share_, layout_),
       h_mm_(problem.projector.grid().spacing_mm.minCoeff()),
       row_(layout_.pixels()),
       column_(layout_.voxels()),
@@ -31,21 +32,26 @@ PrimalDual::PrimalDual(const Problem& problem)
       ax_bar_(layout_.pixels()),
       dual_(layout_.pixels()),
       descent_(layout_.voxels()),
-      x_(layout_.voxels()),
-      x_bar_(layout_.voxels()),
-      next_bar_(layout_.voxels()) {
+      x_(differences_.make_field()),
+      x_bar_(differences_.make_field()),
+      next_bar_(differences_.make_field()) {
   const Grid& grid = problem.projector.grid();
   const std::size_t pixels =
       problem.projector.views() * std::size_t(layout_.rows) * std::size_t(layout_.cols);
   problem.projector.forward(problem.team, layout_.pack_volume(std::vector<float>(grid.voxels(), 1.0f)), row_);
   problem.projector.adjoint(problem.team, layout_.pack_images(std::vector<float>(pixels, 1.0f)), column_);
-  double sum = 0, met = 0;
-  for (std::size_t j = 0; j < column_.size(); ++j) {
-    if (!(column_[j] > kUnmet)) continue;
-    sum += static_cast<double>(column_[j]);
-    ++met;
-    if (!problem.support.empty() && !problem.support[j]) column_[j] = 0;
-  }
+  const auto met_sum = [&](const auto& value) {
+    return share_.sum(layout_, [&](std::size_t begin, std::size_t end) {
+      double out = 0;
+      for (std::size_t j = begin; j < end; ++j)
+        if (column_[j] > kUnmet) out += value(j);
+      return out;
+    });
+  };
+  const double sum = met_sum([&](std::size_t j) { return static_cast<double>(column_[j]); });
+  const double met = met_sum([](std::size_t) { return 1.0; });
+  for (std::size_t j = 0; j < problem.support.size(); ++j)
+    if (!problem.support[j]) column_[j] = 0;
   pixels_per_voxel_ = met > 0 ? sum / met / h_mm_ : 1;
   double length = 0, rays = 0;
   for (const float r : row_) {
@@ -53,11 +59,12 @@ PrimalDual::PrimalDual(const Problem& problem)
     rays += r > kUnmet ? 1 : 0;
   }
   balance_ = length > 0 ? kBalance * h_mm_ * rays / length : 1;
-  std::ranges::copy(start_of(problem), x_.data());
+  const std::span<float> x = differences_.held(x_);
+  std::ranges::copy(start_of(problem), x.begin());
   for (std::size_t j = 0; j < column_.size(); ++j)
-    if (!(column_[j] > kUnmet)) x_.data()[j] = 0;
-  std::ranges::copy(x_.span(), x_bar_.data());
-  problem.projector.forward(problem.team, x_.span(), ax_);
+    if (!(column_[j] > kUnmet)) x[j] = 0;
+  std::ranges::copy(x, differences_.held(x_bar_).begin());
+  problem.projector.forward(problem.team, x, ax_);
   project_forward(1);
 }
 
@@ -120,7 +127,7 @@ void PrimalDual::ascend_data(float relaxation) {
 
 // A is linear: with x_bar = 2 next - x, A next = (A x_bar + A x) / 2. Halving forgets rounding.
 void PrimalDual::project_forward(float relaxation) {
-  problem_.projector.forward(problem_.team, x_bar_.span(), ax_bar_);
+  problem_.projector.forward(problem_.team, differences_.held(x_bar_), ax_bar_);
   std::vector<double> squares((ax_.size() + kGrain - 1) / kGrain, 0);
   problem_.team.run_ranges(ax_.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     double sum = 0;
@@ -143,19 +150,18 @@ DualityGap PrimalDual::gap() {
   differences_.adjoint(problem_.team, gradient_dual_, hessian_dual_, next_bar_);
   const std::size_t slab = static_cast<std::size_t>(layout_.nx) * layout_.column;
   std::vector<double> lifts(static_cast<std::size_t>(layout_.nz), 0), totals(lifts.size(), 0);
+  const std::span<const float> x = differences_.held(x_), slope = differences_.held(next_bar_);
   problem_.team.run(lifts.size(), [&](std::size_t z) {
     for (std::size_t j = 0; j < slab; ++j) {
       const std::size_t at = z * slab + j;
-      totals[z] += static_cast<double>(x_.data()[at]);
+      totals[z] += static_cast<double>(x[at]);
       if (!(column_[at] > kUnmet)) continue;
-      const double r = static_cast<double>(descent_[at]) +
-                       h_mm_ * (static_cast<double>(next_bar_.data()[at]) + weights_.sparsity);
+      const double r =
+          static_cast<double>(descent_[at]) + h_mm_ * (static_cast<double>(slope[at]) + weights_.sparsity);
       lifts[z] = std::max(lifts[z], -r / static_cast<double>(column_[at]));
     }
   });
-  const double lift = *std::ranges::max_element(lifts);
-  double total = 0;
-  for (const double t : totals) total += t;
+  const double lift = share_.largest(*std::ranges::max_element(lifts)), total = share_.sum(totals);
 
   DualityGap out;
   double residual = 0, conjugate = 0;

@@ -45,8 +45,8 @@ class PrimalDual {
   // valid.
   void iterate(float relaxation = 1);
 
-  const GuardedVolume& field() const { return x_; }              // x
-  std::span<const float> images() const { return ax_; }          // A x, packed
+  std::span<const float> field() const { return differences_.held(x_); }  // x
+  std::span<const float> images() const { return ax_; }                   // A x, packed
   double residual_square() const { return residual_square_; }    // |Ax - b|^2 where the plain one would be
   double pixels_per_voxel() const { return pixels_per_voxel_; }  // n
 
@@ -60,6 +60,7 @@ class PrimalDual {
 
   const Problem& problem_;
   const Layout& layout_;
+  const Share& share_;
   Differences differences_;
   PriorWeights weights_;
   double h_mm_ = 1;

@@ -268,8 +268,8 @@ void Descend(const PriorShape& s, int z, const PriorDuals& duals, const PrimalSt
   const V relaxation = set(step.relaxation);
   each_adjoint_of(s, z, duals, [&](std::size_t at, V sum) {
     const V x = load(step.x + at);
-    const V slope = hn::MulAdd(h, hn::Add(sum, sparsity), load(step.data + at));
-    const V next = hn::Max(hn::NegMulAdd(load(step.step + at), slope, x), floor);
+    const V slope = hn::MulAdd(h, hn::Add(sum, sparsity), load(step.data + (at - step.before)));
+    const V next = hn::Max(hn::NegMulAdd(load(step.step + (at - step.before)), slope, x), floor);
     hn::StoreU(hn::Sub(hn::Add(next, next), x), kF, step.bar + at);
     hn::StoreU(hn::MulAdd(relaxation, hn::Sub(next, x), x), kF, step.x + at);
   });

@@ -5,7 +5,7 @@
 
 namespace flamefield {
 
-// The inner loops of the priors, each over one slab z of a packed volume. Pointers are to the first voxel of
+// The inner loops of the priors, each over one plane z of a packed volume. Pointers are to the first voxel of
 // a guarded volume.
 struct PriorShape {
   int nx = 0, nz = 0;
@@ -47,6 +47,7 @@ struct PrimalStep {
   float relaxation = 1;         // as of a DualStep
   const float* data = nullptr;  // A^T y
   const float* step = nullptr;
+  std::size_t before = 0;  // floats of x, bar and duals before the first that data and step begin with
   float* x = nullptr;
   float* bar = nullptr;
 };

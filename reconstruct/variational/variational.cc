@@ -75,7 +75,7 @@ Solution solve_variational(const Problem& problem, const VariationalOptions& opt
       break;
     }
   }
-  const std::span<const float> x = state.field().span();
+  const std::span<const float> x = state.field();
   out.volume.assign(x.begin(), x.end());
   out.voxel_updates = static_cast<double>(x.size()) * out.iterations;
   out.history = monitor.history();

@@ -30,7 +30,7 @@ double noise_rms(const Problem& problem, double pixels) {
 
 }  // namespace
 
-WeightSearch::WeightSearch(const Problem& problem, Kind kind) : kind_(kind) {
+WeightSearch::WeightSearch(const Problem& problem, Kind kind) : problem_(problem), kind_(kind) {
   const Layout& layout = problem.projector.layout();
   pixels_ = static_cast<double>(layout.views) * layout.rows * layout.cols;
   noise_ = kUnfitted * noise_rms(problem, pixels_);
@@ -45,7 +45,7 @@ PriorWeights WeightSearch::weights() const {
 
 void WeightSearch::update(const PrimalDual& state) {
   const double rms = std::sqrt(state.residual_square() / pixels_);
-  const double m = two_valuedness(state.field().span());
+  const double m = two_valuedness(problem_.projector.share(), problem_.projector.layout(), state.field());
   const double sharpness = std::clamp((kRich - m) / (kRich - kFlat), 0.0, 1.0);
   variation_share_ = kLargestShare * sharpness;
   const double aim = std::hypot(noise_, kModelError + sharpness * kEdgeError);
@@ -57,14 +57,16 @@ void WeightSearch::update(const PrimalDual& state) {
   weight_ = std::clamp(weight_, usual_ / kRange, usual_ * kRange);
 }
 
-double two_valuedness(std::span<const float> x) {
-  double one = 0, two = 0, three = 0;
-  for (const float value : x) {
-    const double v = static_cast<double>(value);
-    one += v;
-    two += v * v;
-    three += v * v * v;
-  }
+double two_valuedness(const Share& share, const Layout& layout, std::span<const float> x) {
+  const auto sum = [&](const auto& power) {
+    return share.sum(layout, [&](std::size_t begin, std::size_t end) {
+      double out = 0;
+      for (const float value : x.subspan(begin, end - begin)) out += power(static_cast<double>(value));
+      return out;
+    });
+  };
+  const double one = sum([](double v) { return v; }), two = sum([](double v) { return v * v; }),
+               three = sum([](double v) { return v * v * v; });
   return two > 0 ? one * three / (two * two) : 1;
 }
 

@@ -27,13 +27,14 @@ class WeightSearch {
   void update(const PrimalDual& state);
 
  private:
+  const Problem& problem_;
   Kind kind_;
   double pixels_, noise_, usual_, weight_;
   double variation_share_ = 0;
   double last_rms_ = std::numeric_limits<double>::infinity();
 };
 
-// (sum x)(sum x^3) / (sum x^2)^2 of a non-negative field; 1 for a dark one.
-double two_valuedness(std::span<const float> x);
+// (sum x)(sum x^3) / (sum x^2)^2 of a non-negative field, of which x is what is held; 1 for a dark one.
+double two_valuedness(const Share& share, const Layout& layout, std::span<const float> x);
 
 }  // namespace flamefield

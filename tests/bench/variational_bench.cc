@@ -30,7 +30,7 @@ int main(int argc, char** argv) {
   const int side = argument(1, 0), threads = argument(2, 2), iterations = argument(3, 200);
   const Grid grid = side > 0 ? centred_grid(side, side, side, 1) : centred_grid(52, 55, 52, 1.32);
   const Layout layout(grid, 1, 1, 1);
-  const Differences differences(grid, layout);
+  const Differences differences(Share(grid), layout);
   Team team(threads);
   std::printf("%d x %d x %d voxels, %d threads, %d iterations\n", grid.nx, grid.ny, grid.nz, team.threads(),
               iterations);

@@ -66,7 +66,7 @@ class DifferencesTest : public testing::TestWithParam<Box> {
   Box box_ = GetParam();
   Grid grid_ = grid_of(box_.nx, box_.ny, box_.nz, box_.spacing_mm);
   Layout layout_{grid_, 1, 1, 1};
-  Differences differences_{grid_, layout_};
+  Differences differences_{Share(grid_), layout_};
   Team team_{2};
   std::vector<float> nothing_ = std::vector<float>(layout_.voxels(), 0.0f);
 
@@ -74,7 +74,7 @@ class DifferencesTest : public testing::TestWithParam<Box> {
     return guarded(layout_, layout_.pack_volume(random_values(grid_.voxels(), seed)));
   }
   // D x: one ascent of step 1 from zero within an endless ball.
-  Differences::Dual apply(const GuardedVolume& x, std::size_t fields) {
+  Differences::Dual apply(GuardedVolume& x, std::size_t fields) {
     Differences::Dual none, dual = differences_.make_dual(fields);
     GuardedVolume y(layout_.voxels()), bar(layout_.voxels());
     const bool hessian = fields == Differences::kHessian;
@@ -86,7 +86,7 @@ class DifferencesTest : public testing::TestWithParam<Box> {
 };
 
 TEST_P(DifferencesTest, AreWhatTheirDefinitionSays) {
-  const GuardedVolume x = random(1);
+  GuardedVolume x = random(1);
   Volume plain(grid_);
   plain.values = layout_.unpack_volume(x.span());
   for (const std::size_t fields : {Differences::kGradient, Differences::kHessian}) {
@@ -111,7 +111,7 @@ TEST_P(DifferencesTest, AreWhatTheirDefinitionSays) {
 }
 
 TEST_P(DifferencesTest, HaveTheirTransposeAsAdjoint) {
-  const GuardedVolume x = random(2), u = random(3);
+  GuardedVolume x = random(2), u = random(3);
   for (const std::size_t fields : {Differences::kGradient, Differences::kHessian}) {
     Differences::Dual none, dx = apply(x, fields), du = apply(u, fields);
     GuardedVolume back(layout_.voxels());
@@ -130,7 +130,7 @@ TEST_P(DifferencesTest, HaveTheirTransposeAsAdjoint) {
 }
 
 TEST_P(DifferencesTest, TheFusedStepIsTheStepsOneByOne) {
-  const GuardedVolume bar = random(4);
+  GuardedVolume bar = random(4);
   const std::vector<float> data = layout_.pack_volume(random_values(grid_.voxels(), 5));
   const std::vector<float> step = layout_.pack_volume(random_values(grid_.voxels(), 6));
   Differences::Dual gradient = differences_.make_dual(Differences::kGradient),
@@ -259,7 +259,7 @@ TEST(PrimalDual, FindsTheSolutionOfADenseReference) {
       for (int i = 0; i < 3000; ++i) state.iterate(relaxation);
       state.iterate();
       if (expected.size() == 0) expected = dense_solution(scene, state.pixels_per_voxel(), weights);
-      const std::vector<float> found = scene.layout.unpack_volume(state.field().span());
+      const std::vector<float> found = scene.layout.unpack_volume(state.field());
       for (std::size_t j = 0; j < found.size(); ++j)
         EXPECT_NEAR(static_cast<double>(found[j]), expected[static_cast<Eigen::Index>(j)],
                     2e-3 * expected.maxCoeff())
@@ -304,7 +304,7 @@ TEST(PrimalDual, WithoutAPriorItSolvesNonNegativeLeastSquares) {
     little.iterate();
   }
   // Karush-Kuhn-Tucker: the slope is zero where x > 0, and not negative elsewhere.
-  const std::vector<float> found = scene.layout.unpack_volume(none.field().span());
+  const std::vector<float> found = scene.layout.unpack_volume(none.field());
   const Eigen::VectorXd x =
       Eigen::Map<const Eigen::VectorXf>(found.data(), static_cast<Eigen::Index>(found.size())).cast<double>();
   const Eigen::VectorXd slope = scene.a.transpose() * (scene.a * x - scene.b);
@@ -325,11 +325,11 @@ TEST(PrimalDual, StaysWithinTheSupportAndBeginsAtTheStart) {
   PrimalDual state(problem);
   state.set_weights({.hessian = 1e-3});
   for (int i = 0; i < 1000; ++i) state.iterate();
-  for (std::size_t j = 0; j < support.size(); j += 3) ASSERT_EQ(state.field().data()[j], 0);
-  const std::vector<float> solution(state.field().span().begin(), state.field().span().end());
+  for (std::size_t j = 0; j < support.size(); j += 3) ASSERT_EQ(state.field()[j], 0);
+  const std::vector<float> solution(state.field().begin(), state.field().end());
   problem.start = solution;
   const PrimalDual again(problem);
-  EXPECT_TRUE(std::ranges::equal(again.field().span(), solution));
+  EXPECT_TRUE(std::ranges::equal(again.field(), solution));
   EXPECT_NEAR(again.residual_square(), state.residual_square(), 1e-3 * state.residual_square());
 }
 
@@ -362,7 +362,7 @@ TEST(NoiseLevel, IsFoundUnderAFlameAndGrowingWithTheLight) {
 TEST(TwoValuedness, IsOneForBodiesOfOneBrightnessAndMoreForFlames) {
   const Grid grid = centred_grid(24, 24, 24, 1);
   const Layout layout(grid, 1, 1, 1);
-  const auto of = [&](const Volume& v) { return two_valuedness(layout.pack_volume(v.values)); };
+  const auto of = [&](const Volume& v) { return two_valuedness(Share(v.grid), layout, layout.pack_volume(v.values)); };
   Volume ball(grid);
   for (std::size_t j = 0; j < grid.voxels(); j += 5) ball.values[j] = 3;
   EXPECT_NEAR(of(ball), 1, 1e-6);
@@ -408,8 +408,8 @@ TEST(PrimalDual, OverRelaxedItNeedsThreeQuartersOfTheIterationsAtMost) {
     PrimalDual state(problem);
     state.set_weights({.hessian = 1e-3});
     for (int i = 1; i <= iterations; ++i) state.iterate(i == iterations ? 1 : relaxation);
-    for (const float v : state.field().span()) EXPECT_GE(v, 0);
-    return std::vector<float>(state.field().span().begin(), state.field().span().end());
+    for (const float v : state.field()) EXPECT_GE(v, 0);
+    return std::vector<float>(state.field().begin(), state.field().end());
   };
   const std::vector<float> solution = field_after(1, 2000);
   for (const int iterations : {20, 40, 80, 160})
