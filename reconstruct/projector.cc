@@ -128,7 +128,12 @@ void Projector::forward(Team& team, std::span<const std::size_t> views, std::spa
          "shapes match the projector");
   std::vector<Share::Range> ranges;
   const std::size_t size = layout_.pixels_per_view();
-  for (const std::size_t view : views) ranges.push_back({view * size, size});
+  for (const std::size_t view : views) {
+    if (!ranges.empty() && ranges.back().begin + ranges.back().size == view * size)
+      ranges.back().size += size;
+    else
+      ranges.push_back({view * size, size});
+  }
   share_.sum_images(team, ranges, projections, [&](const Planes& planes, std::span<float> images) {
     const std::size_t begin = layout_.voxel(0, 0, planes.begin - share_.planes().begin);
     const std::size_t end = layout_.voxel(0, 0, planes.end - share_.planes().begin);

@@ -18,7 +18,7 @@ struct Solver {
   // After a successful check. InvalidInput: a problem that this solver cannot take, e.g. for its geometry.
   std::function<Result<Solution>(const Problem&, const Recipe&)> run;
   bool takes_start = true;  // whether a warm start is of use
-  Spread spread = Spread::No;
+  Division division = Division::None;
 };
 
 // The one list of solvers, default first.

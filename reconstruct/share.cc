@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "proto/check.h"
+#include "reconstruct/slabs.h"
 
 namespace flamefield {
 
@@ -13,6 +14,8 @@ namespace {
 // Thin slabs cost time, as lines of sight cross more of them, and thick ones leave ranks idle. The projector
 // wants an even number of planes before each, and no fewer than four in it.
 constexpr int kThinnest = 16, kMostSlabs = 64, kFewestPlanes = 4;
+
+}  // namespace
 
 std::vector<Planes> slabs_of(int nz) {
   int thickness = std::max(kThinnest, (nz + kMostSlabs - 1) / kMostSlabs);
@@ -25,6 +28,8 @@ std::vector<Planes> slabs_of(int nz) {
   }
   return out;
 }
+
+namespace {
 
 void add(Team& team, std::span<const Share::Range> ranges, std::span<const float> terms,
          std::span<float> sums) {

@@ -67,11 +67,11 @@ Result<const Solver*> solver_of(const Recipe& recipe) {
 }
 
 // All ranks must be able to take part.
-Result<> check_spread(const Solver& solver, const Ranks* ranks) {
-  if (!ranks || ranks->count() == 1 || solver.spread != Spread::No) return {};
+Result<> check_division(const Solver& solver, const Ranks* ranks) {
+  if (!ranks || ranks->count() == 1 || solver.division != Division::None) return {};
   std::string able;
   for (const Solver& s : solvers())
-    if (s.spread != Spread::No) able += concat(able.empty() ? "" : ", ", s.name);
+    if (s.division != Division::None) able += concat(able.empty() ? "" : ", ", s.name);
   return invalid_input(concat("solver ", solver.name, " on ", ranks->count(), " ranks"),
                        "it works in one process only",
                        concat("run it without ranks, or choose one of ", able));
@@ -132,9 +132,9 @@ std::string_view summary_of(std::string_view name) {
   return solver ? solver->summary : "";
 }
 
-Spread spread_of(std::string_view name) {
+Division division_of(std::string_view name) {
   const Solver* solver = find_solver(name);
-  return solver ? solver->spread : Spread::No;
+  return solver ? solver->division : Division::None;
 }
 
 bool takes_warm_start(std::string_view name) {
@@ -180,7 +180,7 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Project
   }
   if (control.start)
     if (auto ok = check_start(*control.start, whole); !ok) return tl::unexpected(ok.error());
-  if (auto ok = check_spread(solver, control.ranks); !ok) return tl::unexpected(ok.error());
+  if (auto ok = check_division(solver, control.ranks); !ok) return tl::unexpected(ok.error());
   const SharedOptions shared = *shared_options(recipe);
   Team team(control.threads);
   if (auto ok = check_sight(projector, team); !ok) return tl::unexpected(ok.error());
@@ -251,11 +251,11 @@ Result<Reconstruction> reconstruct(const Projections& projections, const Rig& ri
   const auto start = std::chrono::steady_clock::now();
   const auto options = projector_options(recipe);
   if (!options) return tl::unexpected(options.error());
-  if (auto ok = check_spread(**solver_of(recipe), control.ranks); !ok) return tl::unexpected(ok.error());
+  if (auto ok = check_division(**solver_of(recipe), control.ranks); !ok) return tl::unexpected(ok.error());
   auto projector = [&] {
     Team team(control.threads);
     return Projector::make(rig, grid, *options, team,
-                           spread_of(recipe.solver) == Spread::Slabs ? control.ranks : nullptr);
+                           division_of(recipe.solver) == Division::Slabs ? control.ranks : nullptr);
   }();
   if (!projector) return tl::unexpected(projector.error());
   auto out = reconstruct(projections, *projector, recipe, control);

@@ -101,8 +101,8 @@ std::string_view summary_of(std::string_view solver);  // one line with its sour
 bool takes_warm_start(std::string_view solver);        // false also for unknown ones
 
 // What several ranks do with a solver: share the volume in slabs, or evolve islands.
-enum class Spread { No, Slabs, Islands };
-Spread spread_of(std::string_view solver);  // No also for unknown ones
+enum class Division { None, Slabs, Islands };
+Division division_of(std::string_view solver);  // None also for unknown ones
 
 // Checks solver name and all tables of a recipe without running it.
 Result<> validate_recipe(const Recipe& recipe);

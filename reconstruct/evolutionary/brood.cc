@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "proto/check.h"
 #include "reconstruct/evolutionary/fitness.h"
@@ -173,6 +174,33 @@ double Brood::judge(const Offspring& child, std::vector<float>& patch) const {
   return change;
 }
 
+void Brood::set(const Gene& gene, std::vector<Strip>& scratch) {
+  const float step = gene.value - field_[gene.voxel];
+  field_[gene.voxel] = gene.value;
+  for (const Strip& strip : habitat_.strips->of(gene.voxel, scratch))
+    for (std::size_t k = 0; k < Strip::kPixels; ++k) residual_[strip.first + k] -= step * strip.weight[k];
+}
+
+std::vector<Gene> Brood::take_originals() {
+  for (const Gene& gene : originals_) remembered_[gene.voxel] = false;
+  return std::exchange(originals_, {});
+}
+
+void Brood::adopt(std::span<const Gene> genes) {
+  std::vector<Strip> scratch;
+  for (const Gene& gene : genes) {
+    const float step = gene.value - field_[gene.voxel];
+    if (step == 0) continue;
+    objective_ += measure_.after(habitat_.strips->of(gene.voxel, scratch), step, residual_.data(), nullptr);
+    if (habitat_.roughness_weight > 0) {
+      const float rougher =
+          habitat_.roughness.after(gene.voxel, step, [&](std::size_t j) { return field_[j]; });
+      objective_ += habitat_.roughness_weight * static_cast<double>(rougher);
+    }
+    set(gene, scratch);
+  }
+}
+
 void Brood::join_better() {
   std::vector<std::pair<double, std::size_t>> better;
   for (std::size_t i = 0; i < offspring_.size(); ++i)
@@ -184,10 +212,11 @@ void Brood::join_better() {
     const double change = i == better.front().second ? alone : judge(child, patches_.front());
     if (!(change < 0)) continue;
     for (const Gene& gene : child.genes) {
-      const float step = gene.value - field_[gene.voxel];
-      field_[gene.voxel] = gene.value;
-      for (const Strip& strip : habitat_.strips->of(gene.voxel, scratch))
-        for (std::size_t k = 0; k < Strip::kPixels; ++k) residual_[strip.first + k] -= step * strip.weight[k];
+      if (!remembered_.empty() && !remembered_[gene.voxel]) {
+        remembered_[gene.voxel] = true;
+        originals_.push_back({gene.voxel, field_[gene.voxel]});
+      }
+      set(gene, scratch);
     }
     objective_ += change;
     Tally& tally = tallies_[static_cast<std::size_t>(child.op)];

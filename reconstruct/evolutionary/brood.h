@@ -56,6 +56,13 @@ class Brood {
   // Replaces the images of the elite: residual = measured - rendered.
   void set_residual(std::vector<float> residual);
 
+  // Islands (see Archipelago): from now on the values that voxels had before they were changed are kept.
+  void remember() { remembered_.assign(field_.size(), false); }
+  // Voxels changed since then or since the last call, with their values of that time.
+  std::vector<Gene> take_originals();
+  // Sets voxels, for better or worse. Not remembered.
+  void adopt(std::span<const Gene> genes);
+
   const std::vector<float>& field() const { return field_; }
   std::span<const float> residual() const { return residual_; }
   double objective() const {
@@ -83,6 +90,7 @@ class Brood {
   std::size_t select(Stream& stream) const;
   double judge(const Offspring& child, std::vector<float>& patch) const;
   void join_better();
+  void set(const Gene& gene, std::vector<Strip>& scratch);
   void adapt();
 
   Habitat habitat_;
@@ -98,6 +106,8 @@ class Brood {
   std::array<double, kOperators> credit_;  // gain per offspring, fading
   Tallies tallies_;
   double objective_ = 0;
+  std::vector<bool> remembered_;  // voxels whose values are in originals_; empty: none are kept
+  std::vector<Gene> originals_;
   std::vector<std::vector<float>> patches_;  // of each block, all zero between uses
 };
 

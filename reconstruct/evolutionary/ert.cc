@@ -46,6 +46,8 @@ std::vector<SettingField> ert_fields(ErtOptions& o) {
       {"roughness", "", 0, 1e3, "brood: weight of uneven fields; 0: none", &o.roughness},
       {"roughness_edge", "", 1e-6, 1e3,
        "brood: second differences above count linearly, share of the brightest", &o.roughness_edge},
+      {"migrate_every", "", 1, 1e6, "brood: generations between exchanges of islands, one on each MPI rank",
+       &o.migrate_every},
       {"tolerance", "", 0, 1, "brood: stop when 8 offspring per voxel improve less", &o.tolerance},
       {"render_every", "", 1, 2e9, "generations between full renderings that remove rounding",
        &o.render_every},
@@ -165,6 +167,13 @@ Result<Solution> solve_ert(const Problem& problem, const ErtOptions& options) {
       (options.scheme == ErtOptions::Scheme::Paper || options.calibrate_rounds > 0)) {
     return invalid_input("a warm start", "the paper's scheme and corrected cameras begin with a dark field",
                          "leave it out, or set ert.scheme = \"brood\" and ert.calibrate_rounds = 0");
+  }
+  if (problem.control.ranks && problem.control.ranks->count() > 1 &&
+      (!is_one_run || options.scheme == ErtOptions::Scheme::Paper || problem.control.checkpoint ||
+       !problem.control.resume.empty())) {
+    return invalid_input(
+        "islands on several ranks", "only a single run of the brood scheme without checkpoints has them",
+        "run it without ranks, or set ert.scheme = \"brood\", ert.ensemble = 1 and ert.calibrate_rounds = 0");
   }
   if (options.calibrate_rounds > 0) return solve_with_cameras(problem, options);
   return options.ensemble > 1 ? solve_ensemble(problem, options) : solve_once(problem, options);

@@ -47,6 +47,7 @@ struct ErtOptions {
   double coarse_effort = 60;     // offspring per voxel on coarse grids, at most
   double roughness = 0.003;      // weight of uneven fields against the misfit, without noise; grows with it
   double roughness_edge = 0.015;
+  int migrate_every = 4;    // generations between exchanges of islands, one on each rank
   double tolerance = 1e-4;  // ends when 8 offspring per voxel improve less, share of the objective
 
   int render_every = 5000;  // generations between full renderings that remove rounding

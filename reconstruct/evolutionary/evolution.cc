@@ -53,7 +53,11 @@ double pixels_per_voxel(const StripTable& table, const std::vector<float>& densi
 
 Evolution::Evolution(const Problem& problem, const ErtOptions& options, const MeasurementModel& model,
                      float scale)
-    : problem_(problem), options_(options), model_(model), scale_(scale) {
+    : problem_(problem),
+      options_(options),
+      model_(model),
+      scale_(scale),
+      archipelago_(problem.control.ranks, options.migrate_every) {
   const Grid& grid = problem.projector.grid();
   const Layout& layout = problem.projector.layout();
   const auto levels = static_cast<std::size_t>(options.levels);
@@ -127,6 +131,7 @@ void Evolution::enter(std::size_t rung, std::vector<float> field) {
   brood_.emplace(habitat, options_, problem_.team);
   std::vector<float> residual = residual_of(field);
   brood_->begin(std::move(field), std::move(residual));
+  archipelago_.settle(*brood_);
   draw_mask();
   last_objective_ = brood_->objective();
   next_look_ = spans_[rung];
@@ -173,21 +178,22 @@ int Evolution::render_every() const {
 bool Evolution::ends_rung_early() const {
   constexpr int kShare = 6;  // of all generations, that a coarse grid may take
   return generation_ - entered_ >= options_.max_generations / kShare ||
-         brood_->made() >= options_.coarse_effort * static_cast<double>(active_[rung_]);
+         archipelago_.islands() * brood_->made() >=
+             options_.coarse_effort * static_cast<double>(active_[rung_]);
 }
 
 // Looks at the progress every few offspring per voxel.
 bool Evolution::rung_is_done() {
   if (rung_ > 0 && ends_rung_early()) return true;
-  if (brood_->made() < next_look_) return false;
+  const double made = archipelago_.islands() * brood_->made();
+  if (made < next_look_) return false;
   next_look_ += spans_[rung_];
   if (!model_.is_linear()) render_anew();
   const double change = last_objective_ - brood_->objective();
   last_objective_ = brood_->objective();
   // Where the model bends, steps along its columns go too far or not far enough, and back again.
   if (!model_.is_linear() && rung_ == 0)
-    return std::abs(change) < options_.tolerance * last_objective_ ||
-           brood_->made() > kMostModelLooks * spans_[0];
+    return std::abs(change) < options_.tolerance * last_objective_ || made > kMostModelLooks * spans_[0];
   constexpr double kCoarser = 10;  // tolerance of a field that is only passed on
   return change < options_.tolerance * (rung_ > 0 ? kCoarser : 1) * last_objective_;
 }
@@ -199,7 +205,7 @@ double Evolution::z() const {
 }
 
 double Evolution::offspring() const {
-  return made_before_ + (brood_ ? brood_->made() : 0);
+  return archipelago_.islands() * (made_before_ + (brood_ ? brood_->made() : 0));
 }
 
 void Evolution::report(Monitor& monitor) {
@@ -225,14 +231,17 @@ StopReason Evolution::run(Monitor& monitor) {
   int next_report = generation_ + kFirstReport;
   Punctual punctual(control);
   for (;;) {
-    brood_->evolve(control.seed, stream_of(kOffspringStream, generation_));
+    brood_->evolve(archipelago_.seed(control.seed), stream_of(kOffspringStream, generation_));
     ++generation_;
     if (generation_ % render_every() == 0) render_anew();
     if (generation_ > options_.ma_start && generation_ % options_.steps == 0) draw_mask();
+    if (!archipelago_.meets(generation_)) continue;
+    archipelago_.migrate(*brood_);
     std::optional<StopReason> reason = monitor.interrupted();
     if (generation_ >= options_.max_generations) reason = StopReason::Iterations;
-    if (options_.fit_threshold < 1 && 1 - z() >= options_.fit_threshold) reason = StopReason::Fitness;
-    if (rung_is_done()) {
+    if (options_.fit_threshold < 1 && archipelago_.agree(1 - z() >= options_.fit_threshold))
+      reason = StopReason::Fitness;
+    if (archipelago_.agree(rung_is_done())) {
       if (rung_ == 0) {
         reason = StopReason::Converged;
       } else {

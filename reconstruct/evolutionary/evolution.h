@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "reconstruct/evolutionary/archipelago.h"
 #include "reconstruct/evolutionary/brood.h"
 #include "reconstruct/evolutionary/ert.h"
 #include "reconstruct/evolutionary/model.h"
@@ -52,6 +53,7 @@ class Evolution {
   const ErtOptions& options_;
   const MeasurementModel& model_;
   float scale_;
+  Archipelago archipelago_;
   // Index 0 is the finest.
   std::vector<StripTable> tables_;
   std::vector<Interpolation> interpolations_;

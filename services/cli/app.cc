@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <array>
+#include <cstdlib>
 #include <iostream>
 
 #include "proto/check.h"
@@ -22,11 +23,24 @@ constexpr std::array kCommands = {
     &add_phantom, &add_ring,   &add_render,  &add_prepare,  &add_reconstruct, &add_evaluate,
     &add_bench,   &add_study,  &add_show,    &add_convert,  &add_simulate,    &add_cameras,
     &add_doctor,  &add_replay, &add_jobs,    &add_selftest, &add_reprocess,   &add_schedule,
-    &add_rigs,    &add_keys,   &add_ledger,  &add_cluster};
+    &add_rigs,    &add_keys,   &add_ledger,  &add_plan,     &add_cluster};
+
+constexpr std::array kCommandsOfRanks = {&add_reconstruct};
 
 int report(ExitCode code, const std::string& message) {
   std::cerr << "flamefield: " << message << '\n';
   return static_cast<int>(code);
+}
+
+// What every rank meets alike is told by the first.
+int report(const Session& session, ExitCode code, const std::string& message) {
+  return session.leads() ? report(code, message) : static_cast<int>(code);
+}
+
+// What no other rank may know of. They wait for this one, until the launcher ends them.
+int report_unforeseen(const Session& session, const std::string& message) {
+  if (!session.ranks()) return report(ExitCode::Failed, message);
+  std::_Exit(report(ExitCode::Failed, concat("rank ", session.ranks()->rank(), ": ", message)));
 }
 
 // A misspelt command is worth a better answer than the parser's.
@@ -57,18 +71,19 @@ int parse_and_run(CLI::App& app, Session& session, int argc, char** argv) {
     std::cout.flush();
     return static_cast<int>(ExitCode::Done);
   } catch (const CLI::Success& help_or_version) {
-    return app.exit(help_or_version);
+    return session.leads() ? app.exit(help_or_version) : static_cast<int>(ExitCode::Done);
   } catch (const CLI::ParseError& error) {
-    return report(ExitCode::Usage, concat(error.what(), " (the command line does not fit) see '",
-                                          full_name(chosen_command(app)), " --help'"));
+    return report(session, ExitCode::Usage,
+                  concat(error.what(), " (the command line does not fit) see '",
+                         full_name(chosen_command(app)), " --help'"));
   } catch (const CommandFailure& failure) {
-    return report(failure.code, failure.message);
+    return report(session, failure.code, failure.message);
   } catch (const std::bad_alloc&) {
-    return report(ExitCode::Failed, "out of memory (the data do not fit) use a smaller grid");
+    return report_unforeseen(session, "out of memory (the data do not fit) use a smaller grid");
   } catch (const ContractViolation& violation) {
-    return report(ExitCode::Failed, concat("internal fault (", violation.what(), ") please report it"));
+    return report_unforeseen(session, concat("internal fault (", violation.what(), ") please report it"));
   } catch (const std::exception& exception) {
-    return report(ExitCode::Failed, concat("unexpected failure (", exception.what(), ") please report it"));
+    return report_unforeseen(session, concat("unexpected failure (", exception.what(), ") please report it"));
   }
 }
 
@@ -79,16 +94,21 @@ void Session::check_stop() const {
     throw CommandFailure{ExitCode::Failed, "stopped (on request) nothing was written"};
 }
 
-int run_command_line(int argc, char** argv) {
+int run_command_line(int argc, char** argv, Ranks* ranks) {
   const SignalStop signals;
-  std::string typed = "flamefield";
+  const std::string name = ranks ? "flamefield-mpi" : "flamefield";
+  std::string typed = name;
   for (int i = 1; i < argc; ++i) typed.append(" ").append(argv[i]);
-  Session session(signals.token(), std::move(typed));
-  CLI::App app("3D emission fields of flames from a ring of cameras", "flamefield");
-  app.set_version_flag("--version", concat("flamefield ", program_version()));
+  Session session(signals.token(), std::move(typed), ranks);
+  CLI::App app("3D emission fields of flames from a ring of cameras", name);
+  app.set_version_flag("--version", concat(name, " ", program_version()));
   app.require_subcommand(1);
   app.set_help_all_flag("--help-all", "Help of all commands");
-  for (const auto& add : kCommands) add(app, session);
+  if (ranks) {
+    for (const auto& add : kCommandsOfRanks) add(app, session);
+  } else {
+    for (const auto& add : kCommands) add(app, session);
+  }
   return parse_and_run(app, session, argc, argv);
 }
 

@@ -6,13 +6,16 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "reconstruct/projector/column_kernels.h"
 #include "reconstruct/solver.h"
+#include "services/api/records_json.h"
 #include "services/cli/commands.h"
 #include "services/cli/options.h"
 #include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
+#include "services/cli/run_record.h"
+#include "services/cli/together.h"
 #include "services/config/recipe_file.h"
-#include "services/api/records_json.h"
 #include "services/store/file.h"
 #include "services/store/projection_file.h"
 #include "services/store/rig_file.h"
@@ -83,25 +86,71 @@ std::string read_checkpoint(const std::filesystem::path& path) {
   return {std::istreambuf_iterator<char>(in), {}};
 }
 
-void run(const Options& options, const Session& session) {
-  const Grid grid = options.domain.grid();
-  const Recipe recipe = options.recipe.recipe();
+std::vector<double> gather_rss(Ranks& ranks) {
+  std::vector<double> out;
+  for (const std::string& text : gather_texts(ranks, concat(peak_rss_mib()))) out.push_back(std::stod(text));
+  return out;
+}
+
+struct Inputs {
+  Grid grid;
+  Recipe recipe;
+  Rig rig;
+  Projections projections;
+  std::optional<Volume> start;
+};
+
+Inputs read_inputs(const Options& options) {
+  Inputs in;
+  in.grid = options.domain.grid();
+  in.recipe = options.recipe.recipe();
   check_volume_output(options.out);
   const Rig whole_rig = or_fail(read_rig(options.rig));
-  const Projections projections = or_fail(read_projections(options.projections, &whole_rig));
-  const Rig rig = or_fail(rig_of_views(whole_rig, projections, options.rig));
-  std::optional<Volume> start;
-  if (!options.start.empty()) start = read_start(options.start, grid);
-  session.check_stop();
+  in.projections = or_fail(read_projections(options.projections, &whole_rig));
+  in.rig = or_fail(rig_of_views(whole_rig, in.projections, options.rig));
+  if (!options.start.empty()) in.start = read_start(options.start, in.grid);
+  return in;
+}
 
-  ProgressBar progress("reconstructing");
+// FNV-1a, 64 bit.
+std::string hash_of(std::span<const float> values) {
+  std::uint64_t hash = 0xcbf29ce484222325;
+  for (const std::byte b : std::as_bytes(values))
+    hash = (hash ^ static_cast<std::uint64_t>(b)) * 0x100000001b3;
+  return concat(hash);
+}
+
+// Slabs that were computed differently do not fit together.
+void check_alike(Ranks& ranks, const Inputs& in) {
+  check_alike(ranks, "program", concat(program_version()));
+  check_alike(ranks, "kind of processor", vector_target());
+  check_alike(ranks, "recipe", fingerprint(in.recipe));
+  check_alike(ranks, "rig", fingerprint(in.rig));
+  check_alike(ranks, "set of projections", hash_of(in.projections.values));
+  check_alike(ranks, "start", in.start ? hash_of(in.start->values) : "none");
+}
+
+void run(const Options& options, const Session& session) {
+  Ranks* const ranks = session.ranks();
+  const Inputs inputs = together(ranks, [&] { return read_inputs(options); });
+  const auto& [grid, recipe, rig, projections, start] = inputs;
+  if (ranks) check_alike(*ranks, inputs);
+  if (!ranks) session.check_stop();
+
+  std::optional<RunRecord> record;
+  if (ranks) record.emplace(*ranks, options.out, session.command_line(), session.stop());
+  std::optional<ProgressBar> progress;
+  if (session.leads()) progress.emplace("reconstructing");
   SolveControl control{options.threads, options.time_limit_s, options.seed, session.stop(), {}};
+  control.ranks = ranks;
   if (start) control.start = &*start;
   control.progress = [&](const SolverProgress& p) {
-    progress.update(p.iteration, p.max_iterations,
-                    concat("iteration ", p.iteration, ", residual ", p.residual));
+    if (record) record->at(p.iteration);
+    if (progress)
+      progress->update(p.iteration, p.max_iterations,
+                       concat("iteration ", p.iteration, ", residual ", p.residual));
   };
-  if (!options.preview.empty()) {
+  if (!options.preview.empty() && session.leads()) {
     check_volume_output(options.preview);
     control.preview = [&](const Volume& best) { or_fail(write_volume(options.preview, best, {})); };
     control.preview_every_s = kPreviewEvery_s;
@@ -114,9 +163,12 @@ void run(const Options& options, const Session& session) {
   }
   const Reconstruction result =
       or_fail_about(options.projections, reconstruct(projections, rig, grid, recipe, control));
+  const std::vector<double> rss_mib = ranks ? gather_rss(*ranks) : std::vector<double>();
+  if (!session.leads()) return;
   // Also when it was stopped: the best so far, marked by its stop_reason.
   or_fail(
       write_volume(options.out, result.volume, provenance_of(options, recipe, rig, result), result.sigma));
+  if (record) record->end(result.stop_reason == StopReason::Cancelled ? "cancelled" : "done");
   const bool may_go_on =
       result.stop_reason == StopReason::Cancelled || result.stop_reason == StopReason::TimeLimit;
   if (!may_go_on && !options.checkpoint.empty()) std::filesystem::remove(options.checkpoint);
@@ -127,7 +179,9 @@ void run(const Options& options, const Session& session) {
                                 options.out.string(), " holds the best so far")};
   }
   if (options.json) {
-    std::cout << json_of(result).dump(2) << '\n';
+    nlohmann::ordered_json json = json_of(result);
+    if (ranks) json["peak_rss_mib_per_rank"] = rss_mib;
+    std::cout << json.dump(2) << '\n';
     return;
   }
   std::cout << options.out.string() << ": " << result.solver << ", " << result.iterations << " iterations ("
