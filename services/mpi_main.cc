@@ -1,6 +1,6 @@
 #include <csignal>
 
-#include "services/cli/app.h"
+#include "services/cli/on_ranks.h"
 #include "services/mpi/mpi_ranks.h"
 
 int main(int argc, char** argv) {
@@ -11,5 +11,5 @@ int main(int argc, char** argv) {
   sigaddset(&stops, SIGTERM);
   ::pthread_sigmask(SIG_BLOCK, &stops, nullptr);
   flamefield::MpiRanks ranks(&argc, &argv);
-  return flamefield::run_command_line(argc, argv, &ranks);
+  return flamefield::run_command_line_on(ranks, argc, argv);
 }

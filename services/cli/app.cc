@@ -10,6 +10,8 @@
 #include "proto/check.h"
 #include "proto/version.h"
 #include "services/cli/commands.h"
+#include "services/cli/on_ranks.h"
+#include "services/cli/plan.h"
 #include "services/config/suggestion.h"
 #include "services/process/signals.h"
 
@@ -25,22 +27,25 @@ constexpr std::array kCommands = {
     &add_doctor,  &add_replay, &add_jobs,    &add_selftest, &add_reprocess,   &add_schedule,
     &add_rigs,    &add_keys,   &add_ledger,  &add_plan,     &add_cluster};
 
-constexpr std::array kCommandsOfRanks = {&add_reconstruct};
-
 int report(ExitCode code, const std::string& message) {
   std::cerr << "flamefield: " << message << '\n';
   return static_cast<int>(code);
 }
 
+// The ranks that run the command together; null: there is one process.
+bool leads(const Ranks* ranks) {
+  return !ranks || ranks->rank() == 0;
+}
+
 // What every rank meets alike is told by the first.
-int report(const Session& session, ExitCode code, const std::string& message) {
-  return session.leads() ? report(code, message) : static_cast<int>(code);
+int report(const Ranks* ranks, ExitCode code, const std::string& message) {
+  return leads(ranks) ? report(code, message) : static_cast<int>(code);
 }
 
 // What no other rank may know of. They wait for this one, until the launcher ends them.
-int report_unforeseen(const Session& session, const std::string& message) {
-  if (!session.ranks()) return report(ExitCode::Failed, message);
-  std::_Exit(report(ExitCode::Failed, concat("rank ", session.ranks()->rank(), ": ", message)));
+int report_unforeseen(const Ranks* ranks, const std::string& message) {
+  if (!ranks) return report(ExitCode::Failed, message);
+  std::_Exit(report(ExitCode::Failed, concat("rank ", ranks->rank(), ": ", message)));
 }
 
 // A misspelt command is worth a better answer than the parser's.
@@ -63,7 +68,7 @@ std::string full_name(const CLI::App& app) {
   return app.get_parent() ? full_name(*app.get_parent()) + " " + app.get_name() : app.get_name();
 }
 
-int parse_and_run(CLI::App& app, Session& session, int argc, char** argv) {
+int parse_and_run(CLI::App& app, Session& session, const Ranks* ranks, int argc, char** argv) {
   try {
     check_command_name(app, argc, argv);
     app.parse(argc, argv);
@@ -71,19 +76,19 @@ int parse_and_run(CLI::App& app, Session& session, int argc, char** argv) {
     std::cout.flush();
     return static_cast<int>(ExitCode::Done);
   } catch (const CLI::Success& help_or_version) {
-    return session.leads() ? app.exit(help_or_version) : static_cast<int>(ExitCode::Done);
+    return leads(ranks) ? app.exit(help_or_version) : static_cast<int>(ExitCode::Done);
   } catch (const CLI::ParseError& error) {
-    return report(session, ExitCode::Usage,
+    return report(ranks, ExitCode::Usage,
                   concat(error.what(), " (the command line does not fit) see '",
                          full_name(chosen_command(app)), " --help'"));
   } catch (const CommandFailure& failure) {
-    return report(session, failure.code, failure.message);
+    return report(ranks, failure.code, failure.message);
   } catch (const std::bad_alloc&) {
-    return report_unforeseen(session, "out of memory (the data do not fit) use a smaller grid");
+    return report_unforeseen(ranks, "out of memory (the data do not fit) use a smaller grid");
   } catch (const ContractViolation& violation) {
-    return report_unforeseen(session, concat("internal fault (", violation.what(), ") please report it"));
+    return report_unforeseen(ranks, concat("internal fault (", violation.what(), ") please report it"));
   } catch (const std::exception& exception) {
-    return report_unforeseen(session, concat("unexpected failure (", exception.what(), ") please report it"));
+    return report_unforeseen(ranks, concat("unexpected failure (", exception.what(), ") please report it"));
   }
 }
 
@@ -94,22 +99,33 @@ void Session::check_stop() const {
     throw CommandFailure{ExitCode::Failed, "stopped (on request) nothing was written"};
 }
 
-int run_command_line(int argc, char** argv, Ranks* ranks) {
+namespace {
+
+int run_program(const std::string& name, Ranks* ranks, int argc, char** argv) {
   const SignalStop signals;
-  const std::string name = ranks ? "flamefield-mpi" : "flamefield";
   std::string typed = name;
   for (int i = 1; i < argc; ++i) typed.append(" ").append(argv[i]);
-  Session session(signals.token(), std::move(typed), ranks);
+  Session session(signals.token(), std::move(typed));
   CLI::App app("3D emission fields of flames from a ring of cameras", name);
   app.set_version_flag("--version", concat(name, " ", program_version()));
   app.require_subcommand(1);
   app.set_help_all_flag("--help-all", "Help of all commands");
   if (ranks) {
-    for (const auto& add : kCommandsOfRanks) add(app, session);
+    add_reconstruct_on(*ranks, app, session);
   } else {
     for (const auto& add : kCommands) add(app, session);
   }
-  return parse_and_run(app, session, argc, argv);
+  return parse_and_run(app, session, ranks, argc, argv);
+}
+
+}  // namespace
+
+int run_command_line(int argc, char** argv) {
+  return run_program("flamefield", nullptr, argc, argv);
+}
+
+int run_command_line_on(Ranks& ranks, int argc, char** argv) {
+  return run_program("flamefield-mpi", &ranks, argc, argv);
 }
 
 double peak_rss_mib() {

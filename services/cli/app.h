@@ -8,7 +8,6 @@
 #include <string_view>
 
 #include "proto/error.h"
-#include "reconstruct/ranks.h"
 
 namespace flamefield {
 
@@ -44,27 +43,23 @@ T or_fail_about(const std::filesystem::path& path, Result<T> result) {
 // What every command shares: the chosen work, and how to stop it.
 class Session {
  public:
-  Session(std::stop_token stop, std::string command_line, Ranks* ranks = nullptr)
-      : stop_(std::move(stop)), command_line_(std::move(command_line)), ranks_(ranks) {}
+  Session(std::stop_token stop, std::string command_line)
+      : stop_(std::move(stop)), command_line_(std::move(command_line)) {}
   void choose(std::function<void()> work) { work_ = std::move(work); }
   void run() const { work_(); }
   const std::stop_token& stop() const { return stop_; }
   const std::string& command_line() const { return command_line_; }  // as it was typed
-  Ranks* ranks() const { return ranks_; }  // processes that run the same command together; null: alone
-  bool leads() const { return !ranks_ || ranks_->rank() == 0; }  // and may show, print and write
   // Ends the command when Ctrl-C was pressed. To be called between steps and before results are written.
   void check_stop() const;
 
  private:
   std::stop_token stop_;
   std::string command_line_;
-  Ranks* ranks_;
   std::function<void()> work_;
 };
 
 // The whole program: parses, runs, reports. Ctrl-C and SIGTERM request a stop; a second one ends at once.
-// With ranks, only commands that processes can run together.
-int run_command_line(int argc, char** argv, Ranks* ranks = nullptr);
+int run_command_line(int argc, char** argv);
 
 // The most memory that this process ever held.
 double peak_rss_mib();

@@ -40,6 +40,5 @@ void add_rigs(CLI::App& app, Session& session);      // list, accept
 void add_keys(CLI::App& app, Session& session);      // make, list, allow, revoke
 void add_ledger(CLI::App& app, Session& session);    // check, backup, retain
 void add_cluster(CLI::App& app, Session& session);   // up, status, down
-void add_plan(CLI::App& app, Session& session);
 
 }  // namespace flamefield

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "services/cli/commands.h"
 #include "services/cli/options.h"
+#include "services/cli/plan.h"
 #include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
 #include "services/ledger/query.h"

@@ -10,6 +10,7 @@
 #include "reconstruct/solver.h"
 #include "services/api/records_json.h"
 #include "services/cli/commands.h"
+#include "services/cli/on_ranks.h"
 #include "services/cli/options.h"
 #include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
@@ -130,8 +131,8 @@ void check_alike(Ranks& ranks, const Inputs& in) {
   check_alike(ranks, "start", in.start ? hash_of(in.start->values) : "none");
 }
 
-void run(const Options& options, const Session& session) {
-  Ranks* const ranks = session.ranks();
+void run(const Options& options, const Session& session, Ranks* ranks) {
+  const bool leads = !ranks || ranks->rank() == 0;  // shows, prints and writes
   const Inputs inputs = together(ranks, [&] { return read_inputs(options); });
   const auto& [grid, recipe, rig, projections, start] = inputs;
   if (ranks) check_alike(*ranks, inputs);
@@ -140,7 +141,7 @@ void run(const Options& options, const Session& session) {
   std::optional<RunRecord> record;
   if (ranks) record.emplace(*ranks, options.out, session.command_line(), session.stop());
   std::optional<ProgressBar> progress;
-  if (session.leads()) progress.emplace("reconstructing");
+  if (leads) progress.emplace("reconstructing");
   SolveControl control{options.threads, options.time_limit_s, options.seed, session.stop(), {}};
   control.ranks = ranks;
   if (start) control.start = &*start;
@@ -150,7 +151,7 @@ void run(const Options& options, const Session& session) {
       progress->update(p.iteration, p.max_iterations,
                        concat("iteration ", p.iteration, ", residual ", p.residual));
   };
-  if (!options.preview.empty() && session.leads()) {
+  if (!options.preview.empty() && leads) {
     check_volume_output(options.preview);
     control.preview = [&](const Volume& best) { or_fail(write_volume(options.preview, best, {})); };
     control.preview_every_s = kPreviewEvery_s;
@@ -164,7 +165,7 @@ void run(const Options& options, const Session& session) {
   const Reconstruction result =
       or_fail_about(options.projections, reconstruct(projections, rig, grid, recipe, control));
   const std::vector<double> rss_mib = ranks ? gather_rss(*ranks) : std::vector<double>();
-  if (!session.leads()) return;
+  if (!leads) return;
   // Also when it was stopped: the best so far, marked by its stop_reason.
   or_fail(
       write_volume(options.out, result.volume, provenance_of(options, recipe, rig, result), result.sigma));
@@ -189,9 +190,7 @@ void run(const Options& options, const Session& session) {
             << result.wall_s << " s\n";
 }
 
-}  // namespace
-
-void add_reconstruct(CLI::App& app, Session& session) {
+void add(CLI::App& app, Session& session, Ranks* ranks) {
   auto options = std::make_shared<Options>();
   auto* command = app.add_subcommand("reconstruct", "Solve for the field behind a set of projections");
   command
@@ -220,7 +219,18 @@ void add_reconstruct(CLI::App& app, Session& session) {
       "Example:\n  flamefield reconstruct --projections projections.nxs --rig rig.yaml --size 52,55,52 "
       "--spacing-mm 1 "
       "--solver mlem --set mlem.max_iterations=60 --out volume.vtkhdf --json");
-  command->callback([options, &session] { session.choose([=, &session] { run(*options, session); }); });
+  command->callback(
+      [options, ranks, &session] { session.choose([=, &session] { run(*options, session, ranks); }); });
+}
+
+}  // namespace
+
+void add_reconstruct(CLI::App& app, Session& session) {
+  add(app, session, nullptr);
+}
+
+void add_reconstruct_on(Ranks& ranks, CLI::App& app, Session& session) {
+  add(app, session, &ranks);
 }
 
 }  // namespace flamefield
