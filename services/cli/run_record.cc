@@ -14,6 +14,7 @@
 #include "services/cli/app.h"
 #include "services/cli/together.h"
 #include "services/store/file.h"
+#include "services/worker/machine.h"
 
 namespace flamefield {
 
@@ -29,12 +30,6 @@ std::string now_utc() {
 }
 
 }  // namespace
-
-std::string host_name() {
-  std::array<char, 256> name{};
-  ::gethostname(name.data(), name.size() - 1);
-  return name.data();
-}
 
 RunRecord::RunRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
                      std::stop_token stop)

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "services/worker/machine.h"
+
 namespace flamefield {
 
 std::vector<std::string> gather_texts(Ranks& ranks, const std::string& text) {

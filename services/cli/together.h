@@ -9,8 +9,6 @@
 
 namespace flamefield {
 
-std::string host_name();
-
 // One line of every rank, in their order.
 std::vector<std::string> gather_texts(Ranks& ranks, const std::string& text);
 
