@@ -1,6 +1,7 @@
 // Workers that were hired for a time, and what the dispatcher asks of a worker before it gets work.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <atomic>
 
 #include "proto/utc.h"
@@ -180,9 +181,11 @@ TEST(Keys, AKeyThatIsOutOfDateIsListedButNotLetIn) {
   const std::size_t without = read_allow_list(keys.path())->size();
   ASSERT_TRUE(allow_key(keys.path(), "worker", "early", remote / "w/worker.pub", now_s + 1000));
   EXPECT_EQ(read_allow_list(keys.path())->size(), without + 1);
-  for (const KeyEntry& entry : *list_keys(keys.path())) {
-    if (entry.name == "late") EXPECT_EQ(entry.expires_s, now_s - 1);
-  }
+  const auto listed = list_keys(keys.path());
+  ASSERT_TRUE(listed);
+  const auto late = std::ranges::find(*listed, "late", &KeyEntry::name);
+  ASSERT_NE(late, listed->end());
+  EXPECT_EQ(late->expires_s, now_s - 1);
   overwrite(keys / "worker-late.pub", std::string(40, 'a') + "\nexpires soon\n");
   EXPECT_FALSE(read_allow_list(keys.path())) << "a date that is none";
 }
