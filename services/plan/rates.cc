@@ -100,8 +100,11 @@ Result<Rates> measure_rates(const Recipe& recipe, int views, std::stop_token sto
                          "plan from a ledger with runs of it (--data), or with --set-s and --set-mib");
   }
   Rates out;
-  out.base_bytes = status_bytes("VmRSS:");
   progress(concat("trying ", recipe.solver, " on ", kSmallSide, "^3 voxels"));
+  // What the first solve loads of the program is no memory of the solver's.
+  if (const auto first = try_cube(kSmallSide, views, recipe, stop); !first)
+    return tl::unexpected(first.error());
+  out.base_bytes = status_bytes("VmRSS:");
   const auto small = try_cube(kSmallSide, views, recipe, stop);
   if (!small) return tl::unexpected(small.error());
   progress(concat("trying ", recipe.solver, " on ", kLargeSide, "^3 voxels"));
