@@ -86,7 +86,7 @@ TEST(Upkeep, FaultsOfTheUserAreExitCodeTwoAndSayWhere) {
   const std::vector<std::pair<std::string, std::string>> mistakes = {
       {"reprocess --data data --where 'solvr = mlem' --dry-run", "character 1: 'solvr'"},
       {"runs list --data data --where 'residual > 0.1 and'", "the end"},
-      {"reprocess --data data --executor slurm", "yet"},
+      {"reprocess --data data --executor slurm", "no address of the dispatcher"},
       {"reprocess --data data --solver hesian --dry-run", "hessian"},
       {"reprocess --data data --sweep map.beta --dry-run", "TABLE.KEY=A,B,C"},
       {"reprocess --data data --every '61 * * * *'", "minute '61'"},

@@ -276,22 +276,28 @@ TEST_F(Slurm, ASubmissionWaitsForAControllerThatIsAwayAndIsMadeOnce) {
 TEST_F(Slurm, NodesWithAnotherVersionOrAnotherDirectoryAreRefusedByName) {
   Lab lab("");
   std::filesystem::create_directories(lab.scratch() / "elsewhere/volumes");
-  lab.configure(
-      concat("partition = \"flame\"\nmemory_mib = 5000\ncores = 1\nidle_s = 30\nsetup = '''\n"
-             "set -- " FLAMEFIELD_SLURM_WORKER " \"${@:2}\"\n"
-             "if [ \"$SLURMD_NODENAME\" = w1 ]; then export FLAMEFIELD_TEST_VERSION=0.0.9\n"
-             "else words=(); for word in \"$@\"; do [ \"$word\" = ",
-             lab.data(), " ] && word=", (lab.scratch() / "elsewhere").string(),
-             "; words+=(\"$word\"); done; set -- \"${words[@]}\"; fi\n'''\n"));
-  lab.cluster("up --pilots 2");
+  for (const std::string node : {"w1", "w2"}) {
+    lab.configure(concat(
+        "partition = \"flame\"\nmemory_mib = 5000\ncores = 1\nidle_s = 30\nsbatch = [\"--nodelist=", node,
+        "\"]\nsetup = '''\nset -- " FLAMEFIELD_SLURM_WORKER
+        " \"${@:2}\"\n"
+        "if [ \"$SLURMD_NODENAME\" = w1 ]; then export FLAMEFIELD_TEST_VERSION=0.0.9\n"
+        "else words=(); for word in \"$@\"; do [ \"$word\" = ",
+        lab.data(), " ] && word=", (lab.scratch() / "elsewhere").string(),
+        "; words+=(\"$word\"); done; set -- \"${words[@]}\"; fi\n'''\n"));
+    lab.cluster("up --pilots 1");
+  }
   Json refused;
   EXPECT_TRUE(eventually([&] { return (refused = lab.cluster("status")["refused"]).size() == 2; }, 30s))
       << refused.dump(2) << lab.pilot_logs();
   const std::string all = refused.dump();
   EXPECT_TRUE(contains(all, "0.0.9")) << all;
   EXPECT_TRUE(contains(all, "finds no volumes")) << all;
-  EXPECT_TRUE(eventually([&] { return !lab.cluster("status")["campaigns"][0]["alive"].get<bool>(); }, 30s))
-      << "who was refused goes home";
+  const auto are_gone = [&] {
+    const Json campaigns = lab.cluster("status")["campaigns"];
+    return std::ranges::none_of(campaigns, [](const Json& c) { return c["alive"].get<bool>(); });
+  };
+  EXPECT_TRUE(eventually(are_gone, 30s)) << "who was refused goes home";
   lab.cluster("down");
 }
 
