@@ -14,7 +14,7 @@
 #include "services/cli/options.h"
 #include "services/cli/progress.h"
 #include "services/cli/recipe_options.h"
-#include "services/cli/run_record.h"
+#include "services/cli/ranks_record.h"
 #include "services/cli/together.h"
 #include "services/config/recipe_file.h"
 #include "services/store/file.h"
@@ -138,7 +138,7 @@ void run(const Options& options, const Session& session, Ranks* ranks) {
   if (ranks) check_alike(*ranks, inputs);
   if (!ranks) session.check_stop();
 
-  std::optional<RunRecord> record;
+  std::optional<RanksRecord> record;
   if (ranks) record.emplace(*ranks, options.out, session.command_line(), session.stop());
   std::optional<ProgressBar> progress;
   if (leads) progress.emplace("reconstructing");

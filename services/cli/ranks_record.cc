@@ -1,4 +1,4 @@
-#include "services/cli/run_record.h"
+#include "services/cli/ranks_record.h"
 
 #include <signal.h>
 #include <unistd.h>
@@ -31,7 +31,7 @@ std::string now_utc() {
 
 }  // namespace
 
-RunRecord::RunRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
+RanksRecord::RanksRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
                      std::stop_token stop)
     : ranks_(ranks),
       path_(volume.string() + ".run.json"),
@@ -45,17 +45,17 @@ RunRecord::RunRecord(Ranks& ranks, const std::filesystem::path& volume, std::str
   on_stop_.emplace(std::move(stop), [this] { check_peers(); });
 }
 
-RunRecord::~RunRecord() {
+RanksRecord::~RanksRecord() {
   on_stop_.reset();
   if (!ended_ && ranks_.rank() == 0) write("failed", "the work ended early; its message is on stderr");
 }
 
-void RunRecord::end(const std::string& state, const std::string& problem) {
+void RanksRecord::end(const std::string& state, const std::string& problem) {
   ended_ = true;
   if (ranks_.rank() == 0) write(state, problem);
 }
 
-std::optional<std::size_t> RunRecord::dead_peer() const {
+std::optional<std::size_t> RanksRecord::dead_peer() const {
   const std::string here = host_name();
   for (std::size_t r = 0; r < peers_.size(); ++r)
     if (peers_[r].host == here && ::kill(peers_[r].pid, 0) != 0 && errno == ESRCH) return r;
@@ -63,7 +63,7 @@ std::optional<std::size_t> RunRecord::dead_peer() const {
 }
 
 // Runs in the thread that got the signal: this rank's own may wait for the dead one.
-void RunRecord::check_peers() const {
+void RanksRecord::check_peers() const {
   const auto dead = dead_peer();
   if (!dead) return;  // a stop by request
   const std::string problem = concat("rank ", *dead, " (pid ", peers_[*dead].pid, " on ", peers_[*dead].host,
@@ -75,7 +75,7 @@ void RunRecord::check_peers() const {
   ::_Exit(static_cast<int>(ExitCode::Failed));
 }
 
-void RunRecord::write(const std::string& state, const std::string& problem) const {
+void RanksRecord::write(const std::string& state, const std::string& problem) const {
   nlohmann::ordered_json ranks = nlohmann::ordered_json::array();
   for (std::size_t r = 0; r < peers_.size(); ++r)
     ranks.push_back({{"rank", r}, {"host", peers_[r].host}, {"pid", peers_[r].pid}});

@@ -15,13 +15,13 @@ namespace flamefield {
 // OUT.run.json beside the volume: which ranks work on it, where they are, and how it ended. Written whole or
 // not at all. When the launcher ends the run because a rank has died, whoever is left writes that and ends
 // too: nobody comes back from waiting for the dead.
-class RunRecord {
+class RanksRecord {
  public:
   // `stop`: requested by SIGTERM, which the launcher sends when a rank has died.
-  RunRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
+  RanksRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
             std::stop_token stop);
-  ~RunRecord();  // unless ended: "failed"
-  RunRecord(const RunRecord&) = delete;
+  ~RanksRecord();  // unless ended: "failed"
+  RanksRecord(const RanksRecord&) = delete;
 
   void at(int iteration) { iteration_ = iteration; }
   void end(const std::string& state, const std::string& problem = {});
