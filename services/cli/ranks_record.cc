@@ -32,7 +32,7 @@ std::string now_utc() {
 }  // namespace
 
 RanksRecord::RanksRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
-                     std::stop_token stop)
+                         std::stop_token stop)
     : ranks_(ranks),
       path_(volume.string() + ".run.json"),
       command_line_(std::move(command_line)),

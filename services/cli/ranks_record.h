@@ -19,7 +19,7 @@ class RanksRecord {
  public:
   // `stop`: requested by SIGTERM, which the launcher sends when a rank has died.
   RanksRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
-            std::stop_token stop);
+              std::stop_token stop);
   ~RanksRecord();  // unless ended: "failed"
   RanksRecord(const RanksRecord&) = delete;
 

@@ -362,7 +362,9 @@ TEST(NoiseLevel, IsFoundUnderAFlameAndGrowingWithTheLight) {
 TEST(TwoValuedness, IsOneForBodiesOfOneBrightnessAndMoreForFlames) {
   const Grid grid = centred_grid(24, 24, 24, 1);
   const Layout layout(grid, 1, 1, 1);
-  const auto of = [&](const Volume& v) { return two_valuedness(Share(v.grid), layout, layout.pack_volume(v.values)); };
+  const auto of = [&](const Volume& v) {
+    return two_valuedness(Share(v.grid), layout, layout.pack_volume(v.values));
+  };
   Volume ball(grid);
   for (std::size_t j = 0; j < grid.voxels(); j += 5) ball.values[j] = 3;
   EXPECT_NEAR(of(ball), 1, 1e-6);
