@@ -3,13 +3,11 @@
 #include <signal.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
-#include <chrono>
-#include <ctime>
 #include <iostream>
 #include <nlohmann/json.hpp>
 
+#include "proto/utc.h"
 #include "proto/version.h"
 #include "services/cli/app.h"
 #include "services/cli/together.h"
@@ -18,25 +16,12 @@
 
 namespace flamefield {
 
-namespace {
-
-std::string now_utc() {
-  const std::time_t now = std::chrono::system_clock::to_time_t(std::chrono::system_clock::now());
-  std::tm parts{};
-  ::gmtime_r(&now, &parts);
-  std::array<char, 32> text{};
-  std::strftime(text.data(), text.size(), "%Y-%m-%dT%H:%M:%SZ", &parts);
-  return text.data();
-}
-
-}  // namespace
-
 RanksRecord::RanksRecord(Ranks& ranks, const std::filesystem::path& volume, std::string command_line,
                          std::stop_token stop)
     : ranks_(ranks),
       path_(volume.string() + ".run.json"),
       command_line_(std::move(command_line)),
-      started_(now_utc()) {
+      started_(utc_text(utc_now_ns())) {
   for (const std::string& peer : gather_texts(ranks, concat(::getpid(), ' ', host_name()))) {
     const std::size_t space = peer.find(' ');
     peers_.push_back({peer.substr(space + 1), std::stoi(peer.substr(0, space))});
@@ -84,7 +69,7 @@ void RanksRecord::write(const std::string& state, const std::string& problem) co
                                          {"command", command_line_},
                                          {"program", program_version()},
                                          {"started", started_},
-                                         {"written", now_utc()},
+                                         {"written", utc_text(utc_now_ns())},
                                          {"written_by_rank", ranks_.rank()},
                                          {"iterations", iteration_.load()},
                                          {"ranks", ranks}};
